@@ -135,13 +135,7 @@ class Command:
     def _protected_files(self, values: Mapping[str, Any]) -> Iterator[None]:
         """Lock what the command writes while it runs; every other file that it names is an input, which no output
         may replace."""
-        from seatrial.acquisition.core.files import (
-            lock_output_file,
-            lock_output_folder,
-            protect_inputs,
-            refuse_protected_input,
-            refuse_store,
-        )
+        from seatrial.acquisition.core import files
 
         if not self.files and not self.folder:
             yield
@@ -150,14 +144,14 @@ class Command:
         named = [value for name, value in values.items() if name not in outputs]
         inputs = [part for value in named for part in (value if isinstance(value, list) else [value])]
         with ExitStack() as stack:
-            stack.enter_context(protect_inputs(Path(part) for part in inputs if isinstance(part, str | Path)))
+            stack.enter_context(files.protect_inputs(Path(part) for part in inputs if isinstance(part, str | Path)))
             for path in [Path(values[name]) for name in self.files if values[name] is not None]:
-                refuse_protected_input(path)
-                stack.enter_context(lock_output_file(path))
+                files.refuse_protected_input(path)
+                stack.enter_context(files.lock_output_file(path))
             if values.get(self.folder) is not None:
                 if not self.in_store:
-                    refuse_store(values[self.folder])
-                stack.enter_context(lock_output_folder(Path(values[self.folder])))
+                    files.refuse_store(values[self.folder])
+                stack.enter_context(files.lock_output_folder(Path(values[self.folder])))
             yield
 
 

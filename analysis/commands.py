@@ -332,8 +332,7 @@ def export(
     from dataclasses import asdict
 
     from seatrial.acquisition.recording.reader import read_as_one_recording
-    from seatrial.analysis.quality.repairs import Preparation
-    from seatrial.analysis.quality.repairs import prepare_table as prepare_recording
+    from seatrial.analysis.quality import repairs
     from seatrial.analysis.tables.export import KINDS, event_table, export_events, export_table, remarks_on_metadata
     from seatrial.analysis.tables.table import history_of
 
@@ -356,12 +355,12 @@ def export(
         attributes = {name: value for name, _, value in pairs}
     if attributes and not netcdf:
         raise errors.UsageError("--attribute is for NetCDF: name the output .nc")
-    how = Preparation(rate_hz, repair, remove_delays, smooth, flags or netcdf)
+    how = repairs.Preparation(rate_hz, repair, remove_delays, smooth, flags or netcdf)
     if commands.is_table(recording) and not any(options):
         table, done = recording, dict[str, Any]()
     else:
         table, done = (
-            prepare_recording(read_as_one_recording(commands.recording_paths(recording)), how),
+            repairs.prepare_table(read_as_one_recording(commands.recording_paths(recording)), how),
             asdict(how),
         )
     written = export_table(table, target, done, attributes)
@@ -446,14 +445,13 @@ def open_dataset(recording: Data, *, flags: bool = True) -> Dataset:
     ('m s-1', 'trajectory')
     """
     from seatrial.acquisition.recording.reader import read_as_one_recording
-    from seatrial.analysis.quality.repairs import Preparation
-    from seatrial.analysis.quality.repairs import prepare_table as prepare_recording
+    from seatrial.analysis.quality import repairs
     from seatrial.analysis.tables.export import cf_dataset
 
     if commands.is_table(recording):
         return cf_dataset(recording)
     opened = read_as_one_recording(commands.recording_paths(recording))
-    return cf_dataset(prepare_recording(opened, Preparation(flags=flags)))
+    return cf_dataset(repairs.prepare_table(opened, repairs.Preparation(flags=flags)))
 
 
 def _print_windows(windows: HeldWindows, as_json: bool, options: Mapping[str, Any]) -> None:
@@ -636,12 +634,7 @@ def manoeuvres(
     """
     from seatrial.acquisition.config.run_sheet import Statement, read_statement_text, statement_from_text
     from seatrial.acquisition.recording.reader import parts_by_recording
-    from seatrial.analysis.report.tables import (
-        manoeuvre_table,
-        manoeuvres_of_recording,
-        share_trial_currents,
-        write_report,
-    )
+    from seatrial.analysis.report import tables
 
     recorded, parts_of_recordings = [], parts_by_recording(commands.recording_paths(recordings))
     with errors.progress_bar("manoeuvres") as progress:
@@ -651,11 +644,11 @@ def manoeuvres(
                 statement = statement_from_text(read_statement_text(file, parts[0]))
             else:
                 statement = Statement(conditions=conditions)
-            recorded.append(manoeuvres_of_recording(parts, length_m, finders, statement))
+            recorded.append(tables.manoeuvres_of_recording(parts, length_m, finders, statement))
             progress(number / len(parts_of_recordings))
-        recorded = share_trial_currents(recorded)
-    pages = () if output is None else write_report(recorded, Path(output), length_m)
-    return manoeuvre_table(recorded, pages)
+        recorded = tables.share_trial_currents(recorded)
+    pages = () if output is None else tables.write_report(recorded, Path(output), length_m)
+    return tables.manoeuvre_table(recorded, pages)
 
 
 def _print_smoothed(smoothed: SmoothedMotion, as_json: bool, options: Mapping[str, Any]) -> None:
@@ -930,17 +923,16 @@ def serve(
             "serve needs the package flask", fix="pip install 'seatrial[serve]'"
         ) from error
     from seatrial.acquisition.config.run_sheet import read_statement_text
+    from seatrial.analysis import serve as server
     from seatrial.analysis.products import Options
-    from seatrial.analysis.serve import Season, make_app, results_folder
-    from seatrial.analysis.serve import serve as run
 
     source = Path(folder)
     options = Options(statement=read_statement_text(None, source))
-    results = results_folder(source) if output is None else Path(output)
-    season = Season(source, results, options, eager=not on_demand)
+    results = server.results_folder(source) if output is None else Path(output)
+    season = server.Season(source, results, options, eager=not on_demand)
     with process.interrupt_on_terminate(), suppress(KeyboardInterrupt), season:
         process.print_line(f"results: {season.out}", err=True)
-        run(make_app(season, upload_mb if upload else None), port, process.print_line)
+        server.serve(server.make_app(season, upload_mb if upload else None), port, process.print_line)
 
 
 def plot(table: pd.DataFrame) -> Figure:
@@ -967,10 +959,9 @@ def plot(table: pd.DataFrame) -> Figure:
     >>> figure = st.plot(st.prepare("trial.mcap"))
     >>> figure.savefig("trial.png")
     """
-    from seatrial.analysis.report.pages import fill_figure
-    from seatrial.analysis.report.plots import channels_figure, track_figure
+    from seatrial.analysis.report import pages, plots
 
-    parts = [part for part in (track_figure(table), channels_figure(table)) if part is not None]
+    parts = [part for part in (plots.track_figure(table), plots.channels_figure(table)) if part is not None]
     if not parts:
         raise errors.DataShortageError(
             "the table has no channel to plot", fix="give a table with columns of the conventions"
@@ -981,4 +972,4 @@ def plot(table: pd.DataFrame) -> Figure:
         for (draw, _, _), panel in zip(parts, panels, strict=True):
             draw(panel)
 
-    return fill_figure(fill, (8.0 * len(parts), 8.0))
+    return pages.fill_figure(fill, (8.0 * len(parts), 8.0))

@@ -64,20 +64,12 @@ from seatrial.analysis.tables.table import (
     utc_index,
 )
 from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
-from seatrial.hybrid.calibrators import train_calibrator
+from seatrial.hybrid import effects
+from seatrial.hybrid.calibrators import choose_reference, train_calibrator
 from seatrial.hybrid.calibrators.own import load, save
 from seatrial.hybrid.diagnosis import acceptance, linearise, regression, result, verdict
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
 from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
-from seatrial.hybrid.effects import (
-    CATALOGUE,
-    Catalogue,
-    as_file,
-    catalogue_of,
-    inside_effects,
-    simulator_with,
-    vessel_plant,
-)
 from seatrial.hybrid.effects import context as contexts
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.effects.simulators import save_simulator
@@ -87,7 +79,6 @@ from seatrial.hybrid.identification.fit import fixed_surroundings
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.prediction.dataset import load_dataset
-from seatrial.hybrid.prediction.reference import choose_reference
 from seatrial.hybrid.report.diagnosis import correction_sentence, describe, model_line, write_report
 from seatrial.hybrid.report.folder import Choices, write_folder_report
 from seatrial.hybrid.report.text import plain
@@ -160,7 +151,7 @@ def reidentify_model(
         other_folds = _tables_without_fold(named, log, fold)
         part = errors.subtask_progress(progress, number, len(folds) + 1)
         refitted = identify_tables(other_folds, vessel, segment_s=SEGMENT_S, fixed=fixed, progress=part)[0]
-        plant = vessel_plant(refitted.vessel)
+        plant = effects.vessel_plant(refitted.vessel)
         in_fold = windows.fold == fold
         refit_tracks[in_fold] = predicted_tracks(
             log, plant, linearise.true_states(log, plant, windows.starts[in_fold]), windows.starts[in_fold]
@@ -189,7 +180,7 @@ def force_difference_by_component(
     They are the forces ahead, across and in yaw that would make the one move in a second as the other does: a
     mass or an inertia that differs counts as the force that it takes.
     """
-    old, new = vessel_plant(before), vessel_plant(after)
+    old, new = effects.vessel_plant(before), effects.vessel_plant(after)
     linear = linearise.linear_model(log, old)
     moved = linearise.next_states(log, new, linear.origin) - linearise.next_states(log, old, linear.origin)
     force = np.linalg.solve(linear.B[:, 3:], moved[:, 3:, None])[..., 0]
@@ -259,7 +250,7 @@ def _not_asked(model: BlackBox) -> dict[str, str]:
     pushed = "its input for accelerations" if model.spec.takes_acceleration else "half before each step, half after"
     return {
         "not_asked": "the model is a simulator, and these would act inside it: "
-        + ", ".join(map(plain, inside_effects(model)))
+        + ", ".join(map(plain, effects.inside_effects(model)))
         + "; what is wrong among them shows as what it does from outside: a loss of thrust as a shaft gain, "
         "fouling as added resistance",
         "pushes": f"accelerations, by {pushed}; newtons are those of {mass_t:,.0f} t, usual at its length",
@@ -270,7 +261,7 @@ def diagnose_tables(
     tables: Sequence[pd.DataFrame],
     vessel: DiagnosedShip,
     tolerance: float = verdict.TOLERANCE,
-    catalogue: Catalogue | None = None,
+    catalogue: effects.Catalogue | None = None,
     provenance: Mapping[str, Any] | None = None,
     progress: errors.Progress = lambda share: None,
     context: run_sheet.Context | None = None,
@@ -283,11 +274,11 @@ def diagnose_tables(
     the first remark.
     """
     tables, driven = replace_dead_feedback_by_orders(tables, vessel)
-    effects = catalogue_of(vessel) if catalogue is None else catalogue
-    considered = replace_wind_effects(effects, tables, of_simulator=isinstance(vessel, BlackBox))
+    available = effects.catalogue_of(vessel) if catalogue is None else catalogue
+    considered = replace_wind_effects(available, tables, of_simulator=isinstance(vessel, BlackBox))
     context = context or run_sheet.Context()
     searched = contexts.searched_effects(considered, context)
-    looked_for_wind = considered != effects and STEADY_WIND.name in searched
+    looked_for_wind = considered != available and STEADY_WIND.name in searched
     wind_remark = {"wind": "not recorded: only a steady one was looked for"} if looked_for_wind else {}
     conclusion = verdict.diagnose(tables, vessel, tolerance, searched, progress)
     asked = {} if isinstance(vessel, vessel_files.Vessel) else _not_asked(vessel)
@@ -307,7 +298,7 @@ def diagnose_files(
     files: Sequence[Path],
     vessel: DiagnosedShip,
     tolerance: float,
-    catalogue: Catalogue,
+    catalogue: effects.Catalogue,
     time_range: tuple[float, float] = (0.0, 100.0),
     *,
     repair: bool = False,
@@ -457,7 +448,7 @@ def write_diagnosis(run: DiagnosisRun, vessel: DiagnosedShip, folder: Path) -> P
         result.write_figure_data(run.diagnosis, run.extras, folder)
         regimes = {regime.name: (regime.regime, regime.value) for regime in run.conclusion.regimes}
         if regimes:
-            write_text(folder / "regimes.py", as_file(regimes))
+            write_text(folder / "regimes.py", effects.as_file(regimes))
         else:
             remove_file(folder / "regimes.py")
         if run.refit is None:
@@ -465,8 +456,8 @@ def write_diagnosis(run: DiagnosisRun, vessel: DiagnosedShip, folder: Path) -> P
         else:
             vessel_files.save_vessel(run.refit, folder / "identified.toml")
         if isinstance(vessel, BlackBox):
-            effects, notes = effects_and_notes(run.diagnosis)
-            save_simulator(simulator_with(vessel, effects), folder / "vessel.toml", notes)
+            named, notes = effects_and_notes(run.diagnosis)
+            save_simulator(effects.simulator_with(vessel, named), folder / "vessel.toml", notes)
         else:
             vessel_files.save_vessel(
                 vessel_with_effects(run.refit or vessel, run.diagnosis), folder / "vessel.toml"
@@ -477,7 +468,7 @@ def write_diagnosis(run: DiagnosisRun, vessel: DiagnosedShip, folder: Path) -> P
 def effects_and_notes(diagnosis: result.Diagnosis) -> tuple[dict[str, dict[str, float]], dict[str, Any]]:
     """What was known and named, for a file of the model, and where that comes from."""
     added = [effect for effect in diagnosis.effects if effect.in_vessel]
-    effects = {
+    named = {
         effect.name: {name: estimate.value for name, estimate in effect.parameters.items()} for effect in added
     }
     stated = {name: dict(values) for name, values in diagnosis.context.known.items()}
@@ -494,7 +485,7 @@ def effects_and_notes(diagnosis: result.Diagnosis) -> tuple[dict[str, dict[str, 
         f"diagnosis_{key}": value if isinstance(value, int | float) else str(value)
         for key, value in diagnosis.provenance.items()
     }
-    return stated | effects, {**provenance, **notes, "verdict": diagnosis.verdict}
+    return stated | named, {**provenance, **notes, "verdict": diagnosis.verdict}
 
 
 def vessel_with_effects(vessel: vessel_files.Vessel, diagnosis: result.Diagnosis) -> vessel_files.Vessel:
@@ -503,8 +494,8 @@ def vessel_with_effects(vessel: vessel_files.Vessel, diagnosis: result.Diagnosis
     A named effect that the vessel has already takes that one's place: its value is what both come to. What is not
     the same in all of the trial stands as it is at the end; the sea and the sensors of each recording stay with it.
     """
-    effects, notes = effects_and_notes(diagnosis)
-    updated = vessel_files.add_effects(vessel, effects, **notes)
+    named, notes = effects_and_notes(diagnosis)
+    updated = vessel_files.add_effects(vessel, named, **notes)
 
     added = [effect for effect in diagnosis.effects if effect.in_vessel]
     by_scope = dict[str, list[str]]()
@@ -717,8 +708,8 @@ def split_at_jumps(
 
 
 def replace_wind_effects(
-    catalogue: Catalogue, tables: Sequence[pd.DataFrame], *, of_simulator: bool = False
-) -> Catalogue:
+    catalogue: effects.Catalogue, tables: Sequence[pd.DataFrame], *, of_simulator: bool = False
+) -> effects.Catalogue:
     """The catalogue; where a table has no wind, a steady one in the place of the effects of a recorded one,
     of a simulator none."""
     if all(
@@ -882,7 +873,9 @@ def run_demonstration(folder: Path, seed: int, say: Callable[[str], None]) -> De
     dataset = load_dataset([path], DEMO_HORIZON_S, STRIDE_S)
     refuse_training_data(dataset.sources, trained)
     model = vessel_files.reference_model(vessel_files.trials_of_recordings([path]), MODEL)
-    validation = replace(validate_predictions(dataset, vessel_plant(model.vessel), trained), model=model.choice)
+    validation = replace(
+        validate_predictions(dataset, effects.vessel_plant(model.vessel), trained), model=model.choice
+    )
     say("6  diagnose what the model of the ship before lacks")
     diagnosis = diagnose_to(folder / "diagnosis", path)
     for effect in diagnosis.effects:
@@ -939,7 +932,7 @@ def diagnose_to(out: Path, recording: Path) -> result.Diagnosis:
     vessel = vessel_files.load_vessel(MODEL)
     out.mkdir(exist_ok=True)
     with errors.progress_bar("diagnosing") as progress:
-        run = diagnose_files([recording], vessel, verdict.TOLERANCE, CATALOGUE, progress=progress)
+        run = diagnose_files([recording], vessel, verdict.TOLERANCE, effects.CATALOGUE, progress=progress)
     write_diagnosis(run, vessel, out)
     return run.diagnosis
 
@@ -1023,6 +1016,6 @@ def train_on_earlier(folder: str, seed: int) -> None:
         simulate_to(Path(folder, "training", f"voyage_{number}.mcap"), "voyage", TRAINING_S, seed + 99 + number)
         for number in range(1, TRAINING_VOYAGES + 1)
     ]
-    plant = vessel_plant(vessel_files.load_vessel(MODEL))
+    plant = effects.vessel_plant(vessel_files.load_vessel(MODEL))
     dataset = load_dataset(paths, DEMO_HORIZON_S, STRIDE_S, shorter=True)
     save(train_calibrator(dataset, MODEL, plant, seed=seed), Path(folder, "calibrator"))

@@ -33,7 +33,6 @@ from seatrial.hybrid import calibrators
 from seatrial.hybrid.calibrators import adaptive, networks
 from seatrial.hybrid.effects.simulators import simulator_of
 from seatrial.hybrid.prediction import baselines, dataset
-from seatrial.hybrid.prediction.reference import VesselChoice
 from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, model_digest
@@ -323,7 +322,7 @@ def unit_in_name(name: str) -> str:
 
 
 def read_sidecar(
-    folder: Path, method: str | None = None, vessel: VesselChoice | None = None
+    folder: Path, method: str | None = None, vessel: calibrators.VesselChoice | None = None
 ) -> tuple[Sidecar, MotionModel]:
     """Read the sidecar of an artefact and its reference model, checked as far as possible without the weights.
 
@@ -368,7 +367,7 @@ def read_sidecar(
     return sidecar, plant
 
 
-def _simulator_of_sidecar(sidecar: Sidecar, path: Path, vessel: VesselChoice | None) -> BlackBox:
+def _simulator_of_sidecar(sidecar: Sidecar, path: Path, vessel: calibrators.VesselChoice | None) -> BlackBox:
     """The simulator that a calibrator was trained on, as the user names it. Raises :class:`InputError` for none and
     for another."""
     simulator, name = simulator_of(vessel), _shorten_text(sidecar.vessel.simulator)
@@ -530,7 +529,7 @@ def _stored_reference(name: str, model: MotionModel) -> Reference:
 
 
 def load(
-    folder: str | Path, method: str | None = None, vessel: VesselChoice | None = None
+    folder: str | Path, method: str | None = None, vessel: calibrators.VesselChoice | None = None
 ) -> calibrators.TrainedCalibrator:
     """Read an artefact; ``method`` is a user's own code that made it, ``FILE.py:CLASS``, which is executed.
 

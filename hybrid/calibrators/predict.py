@@ -33,7 +33,7 @@ from seatrial.analysis.tables.table import table_actuators
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid import calibrators, effects
 from seatrial.hybrid.calibrators.own import load
-from seatrial.hybrid.prediction import baselines, kalman_filter, reference, window_sets
+from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
 from seatrial.hybrid.vessel import black_box, sensors
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
 from seatrial.hybrid.vessel.files import Trials, Vessel, chosen_model, reference_model
@@ -63,7 +63,7 @@ class Predictor:
 def choose_predictor(
     trials: Trials,
     calibrator: calibrators.TrainedCalibrator | str | Path | None = None,
-    vessel: reference.VesselChoice | None = None,
+    vessel: calibrators.VesselChoice | None = None,
     horizon_s: int | None = None,
     usual_s: int = HORIZON_S,
 ) -> Predictor:
@@ -75,7 +75,7 @@ def choose_predictor(
     calibrator's.
     """
     if calibrator is None:
-        model = reference.choose_reference(trials, vessel)
+        model = calibrators.choose_reference(trials, vessel)
         return Predictor(model.file, model.model, horizon_s or usual_s, choice=model.choice, ship=model.ship)
     loaded = isinstance(calibrator, calibrators.TrainedCalibrator)
     if isinstance(calibrator, calibrators.TrainedCalibrator):
@@ -86,7 +86,7 @@ def choose_predictor(
     trained.refuse_horizon(seconds)
     plant = calibrators.plant_of_calibrator(trained, vessel)
     if isinstance(plant, black_box.BlackBox):
-        chosen = reference.choose_reference(trials, plant)
+        chosen = calibrators.choose_reference(trials, plant)
         return Predictor(chosen.file, plant, seconds, trained, "" if loaded else str(calibrator), chosen.choice)
     name = Path(trained.vessel).stem
     remark, ship = chosen_model(name, {name}, trials), None
