@@ -26,10 +26,7 @@ from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from seatrial.acquisition.core import process
-from seatrial.acquisition.core.errors import DEBUG_VARIABLE, escape_control_characters, unexpected_error
-from seatrial.acquisition.core.named_code import import_object
-from seatrial.acquisition.core.process import Termination
+from seatrial.acquisition.core import errors, named_code, process
 
 if TYPE_CHECKING:
     import typer
@@ -54,7 +51,7 @@ def _app() -> typer.Typer:
             except Exception as error:
                 if isinstance(message := getattr(error, "message", None), str):  # as typer's complaints have it
                     with suppress(AttributeError):  # that of a template's error cannot be set
-                        error.message = escape_control_characters(message)  # type: ignore[attr-defined]
+                        error.message = errors.escape_control_characters(message)  # type: ignore[attr-defined]
                 raise
 
     app = typer.Typer(
@@ -132,7 +129,7 @@ def __getattr__(name: str) -> Any:
 
         return version("seatrial")
     if name in _PLACES:
-        globals()[name] = value = import_object(_PLACES[name])
+        globals()[name] = value = named_code.import_object(_PLACES[name])
         return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
@@ -168,11 +165,11 @@ def main() -> None:
         ):
             _app()()
     except KeyboardInterrupt as stop:
-        sys.exit(_TERMINATED if isinstance(stop, Termination) else _INTERRUPTED)
+        sys.exit(_TERMINATED if isinstance(stop, process.Termination) else _INTERRUPTED)
     except Exception as error:
-        if os.environ.get(DEBUG_VARIABLE):
+        if os.environ.get(errors.DEBUG_VARIABLE):
             traceback.print_exception(error)
-        print(f"seatrial: {unexpected_error(error)}", file=sys.stderr)  # noqa: T201 - this is the terminal
+        print(f"seatrial: {errors.unexpected_error(error)}", file=sys.stderr)  # noqa: T201 - this is the terminal
         sys.exit(1)
 
 

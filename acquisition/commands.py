@@ -22,15 +22,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args
 
 import typer
 
-from seatrial.acquisition.core import errors
-from seatrial.acquisition.core.process import (
-    Termination,
-    announce,
-    is_announcing,
-    print_line,
-    show_announcements,
-    stop_on_signals,
-)
+from seatrial.acquisition.core import errors, process
 
 if TYPE_CHECKING:
     import threading
@@ -124,13 +116,13 @@ class Command:
                 name: () if value is None and signature[name].default == () else value
                 for name, value in values.items()
             }
-            with self._protected_files(values), show_announcements():
+            with self._protected_files(values), process.show_announcements():
                 try:
                     result = self.function(**arguments)
                 except errors.UsageError as error:
                     raise typer.BadParameter(error.what, param_hint=error.where) from error
                 except KeyboardInterrupt as stop:  # 128 and the signal, as shells have it
-                    raise typer.Exit(143 if isinstance(stop, Termination) else 130) from None
+                    raise typer.Exit(143 if isinstance(stop, process.Termination) else 130) from None
                 if self.show is not None:
                     self.show(result, as_json, arguments)
 
@@ -143,13 +135,7 @@ class Command:
     def _protected_files(self, values: Mapping[str, Any]) -> Iterator[None]:
         """Lock what the command writes while it runs; every other file that it names is an input, which no output
         may replace."""
-        from seatrial.acquisition.core.files import (
-            lock_output_file,
-            lock_output_folder,
-            protect_inputs,
-            refuse_protected_input,
-            refuse_store,
-        )
+        from seatrial.acquisition.core import files
 
         if not self.files and not self.folder:
             yield
@@ -158,14 +144,14 @@ class Command:
         named = [value for name, value in values.items() if name not in outputs]
         inputs = [part for value in named for part in (value if isinstance(value, list) else [value])]
         with ExitStack() as stack:
-            stack.enter_context(protect_inputs(Path(part) for part in inputs if isinstance(part, str | Path)))
+            stack.enter_context(files.protect_inputs(Path(part) for part in inputs if isinstance(part, str | Path)))
             for path in [Path(values[name]) for name in self.files if values[name] is not None]:
-                refuse_protected_input(path)
-                stack.enter_context(lock_output_file(path))
+                files.refuse_protected_input(path)
+                stack.enter_context(files.lock_output_file(path))
             if values.get(self.folder) is not None:
                 if not self.in_store:
-                    refuse_store(values[self.folder])
-                stack.enter_context(lock_output_folder(Path(values[self.folder])))
+                    files.refuse_store(values[self.folder])
+                stack.enter_context(files.lock_output_folder(Path(values[self.folder])))
             yield
 
 
@@ -197,11 +183,11 @@ def _given_paths(data: str | Path | Sequence[str | Path]) -> list[Path]:
 def print_result(result: Any, as_json: bool, options: Mapping[str, Any]) -> None:
     """A result on standard output: as JSON, or as a terminal shows it, the model that it is of first."""
     if as_json:
-        print_line(json.dumps(result.as_dict()))
+        process.print_line(json.dumps(result.as_dict()))
         return
 
     for line in getattr(result, "first_lines", ()):
-        print_line(line)
+        process.print_line(line)
     errors.Terminal().print(result)
 
 
@@ -331,7 +317,7 @@ def record(
         refuse_store(folder)
     if folder is None and not check:
         raise errors.UsageError("is missing: the folder that the recording goes into", where="-o")
-    with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
+    with process.stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
         from seatrial.acquisition.config.trial_file import load_config
 
         if find_spec("fcntl") is None:
@@ -362,26 +348,26 @@ def record(
             for name, sink in health.sinks.items()
         }
     try:
-        print_line(json.dumps(counts) if as_json else "\n".join(map(str, paths)))
+        process.print_line(json.dumps(counts) if as_json else "\n".join(map(str, paths)))
     except OSError as error:  # the recording is there all the same
-        print_line(f"warning: {error}", err=True)
+        process.print_line(f"warning: {error}", err=True)
     return paths
 
 
 def _print_record_summary(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
     from seatrial.acquisition.logger.record import summary_text
 
-    print_line(summary_text(health, paths), err=True)
+    process.print_line(summary_text(health, paths), err=True)
     for _, level, text in health.events:  # the table that showed them is gone
         if level == "error" and sys.stderr.isatty():
-            print_line(f"error: {text}", err=True)
+            process.print_line(f"error: {text}", err=True)
     watched = [name for name in health.names if name in trial.expected_channels]
     listed = [*watched, *sorted(trial.expected_channels - {*watched})]
     if silent := [name for name in listed if name not in health.channels or not health.channels[name].count]:
         from seatrial.acquisition.logger.survey import channels_by_reason, missing_reasons
 
         for names, reason in channels_by_reason(missing_reasons(trial, paths, silent)).items():
-            print_line(f"warning: nothing came of {names}{': ' if reason else ''}{reason}", err=True)
+            process.print_line(f"warning: nothing came of {names}{': ' if reason else ''}{reason}", err=True)
 
 
 def _print_preflight_report(
@@ -390,23 +376,23 @@ def _print_preflight_report(
     from seatrial.acquisition.logger.record import preflight_table
     from seatrial.acquisition.logger.survey import check_before_departure
 
-    print_line(f"listening for {duration_s:g} s", err=True)
+    process.print_line(f"listening for {duration_s:g} s", err=True)
     readiness = check_before_departure(trial, duration_s, folder, stop)
     if as_json:
-        print_line(json.dumps(readiness.as_json()))
+        process.print_line(json.dumps(readiness.as_json()))
     else:
         errors.Terminal().print(preflight_table(readiness))
     if readiness.obstacles:
-        print_line(f"not ready: {'; '.join(readiness.obstacles)}", err=True)
+        process.print_line(f"not ready: {'; '.join(readiness.obstacles)}", err=True)
         raise typer.Exit(1)
-    print_line(f"ready: all {len(readiness.channels)} channels come", err=True)
+    process.print_line(f"ready: all {len(readiness.channels)} channels come", err=True)
 
 
 def _print_discovery(discovery: Discovery, as_json: bool, options: Mapping[str, Any]) -> None:
     from seatrial.acquisition.discovery.discover import describe_silence, discovery_tables
 
     if as_json:
-        print_line(json.dumps(discovery.as_json()))
+        process.print_line(json.dumps(discovery.as_json()))
     for table in () if as_json or discovery.survey is None else discovery_tables(discovery):
         errors.Terminal().print(table)
     if discovery.survey is None:
@@ -468,7 +454,7 @@ def discover(
     {'heading_deg': ['bridge/HE:HDT']}
     """
     target = None if output is None else Path(output)
-    with stop_on_signals() as stop:
+    with process.stop_on_signals() as stop:
         from seatrial.acquisition.core.files import write_text
         from seatrial.acquisition.discovery.discover import discover as run
         from seatrial.acquisition.discovery.listen import parse_places, usual_places
@@ -477,7 +463,7 @@ def discover(
             raise errors.StorageError("already exists", where=str(target), fix="choose another file, or delete it")
         places = parse_places(list(inputs)) if inputs else usual_places()
         if any(place.type != "file" for place in places):
-            announce(f"listening for {duration_s:g} s at {', '.join(place.text for place in places)}")
+            process.announce(f"listening for {duration_s:g} s at {', '.join(place.text for place in places)}")
         folder, name = (Path(), "discovered") if target is None else (target.parent, target.stem)
         with errors.progress_bar("listening") as progress:
             discovery = run(
@@ -485,7 +471,7 @@ def discover(
             )
     if target is not None and discovery.survey is not None:
         write_text(target, discovery.configuration)
-        announce(f"wrote {target}; `seatrial record {target} --check` says whether it still comes")
+        process.announce(f"wrote {target}; `seatrial record {target} --check` says whether it still comes")
     return discovery
 
 
@@ -519,7 +505,7 @@ def mark(text: Annotated[str, typer.Argument(help='The text of the mark, for exa
     from seatrial.acquisition.logger.requests import send_mark
 
     count = send_mark(text)
-    announce(f"marked in {count} recording{'s' if count > 1 else ''}")
+    process.announce(f"marked in {count} recording{'s' if count > 1 else ''}")
     return count
 
 
@@ -573,11 +559,11 @@ def redecode(
         result = run(
             recording_paths(recording), target, None if config is None else load_config(Path(config)), progress
         )
-    announce(summary_text(result.health, [target]))
+    process.announce(summary_text(result.health, [target]))
     if result.unknown:
         kept = ", ".join(f"{name} {count:,}" for name, count in result.unknown.items())
-        announce(f"warning: kept raw, as no source of the configuration is called so: {kept}")
-    announce(target, err=False)
+        process.announce(f"warning: kept raw, as no source of the configuration is called so: {kept}")
+    process.announce(target, err=False)
     return result
 
 
@@ -625,10 +611,10 @@ def emulate(
         played = run(Path(recording), load_config(Path(config)), speed, progress)
     values = f"{sum(played.counts.values()):,} values of {len(played.counts)} channels"
     time = f"{played.duration_s:.1f} s, at most {1000 * played.latest_s:.0f} ms late"
-    announce(f"played {values} in {played.packets:,} packets, {time}")
+    process.announce(f"played {values} in {played.packets:,} packets, {time}")
     if played.unsent:
         unsent = ", ".join(f"{name} {count:,}" for name, count in played.unsent.items())
-        announce(f"warning: no message could carry {unsent}; position, for one, needs north and east")
+        process.announce(f"warning: no message could carry {unsent}; position, for one, needs north and east")
     return played
 
 
@@ -744,9 +730,9 @@ def import_table(
         raw, proposal = _confirm_proposal(raw, answers, vessel, yes, None if preview is None else Path(preview))
         with errors.progress_bar("importing") as progress:
             summary = import_proposed(raw, proposal, target, written, vessel, force, progress)
-        announce(f"map for next time: --columns {place_name(written)}")
-    announce(summary)
-    announce(place_name(target), err=False)
+        process.announce(f"map for next time: --columns {place_name(written)}")
+    process.announce(summary)
+    process.announce(place_name(target), err=False)
     return summary
 
 
@@ -769,13 +755,13 @@ def _confirm_proposal(
         if question in raw.questions and question.key in TIME_ANSWERS:
             raw = read_table_or_log(raw.path, answers=answers)
         proposal = propose_column_map(raw, answers, vessel)
-    if is_announcing():
+    if process.is_announcing():
         errors.Terminal(stderr=True).print(proposal)
     for warning in proposal.warnings:
-        announce(f"warning: {warning}")
+        process.announce(f"warning: {warning}")
     if preview is not None:
         draw_preview(raw, proposal, preview)
-        announce(f"preview: {preview}")
+        process.announce(f"preview: {preview}")
     if at_terminal and not typer.confirm("import it so?", default=True, err=True):
         raise typer.Exit(1)
     if not at_terminal and not yes and not proposal.unanswered:
@@ -810,7 +796,7 @@ def _print_contents(contents: Contents | TopicLog, as_json: bool, options: Mappi
     from seatrial.acquisition.recording.reader import event_counts_text, events_of_recording
 
     if as_json:
-        print_line(json.dumps(contents))
+        process.print_line(json.dumps(contents))
         return
     recording, events = contents.recording, events_of_recording(contents.recording)
 
@@ -867,7 +853,7 @@ def _print_log(log: TopicLog, as_json: bool) -> None:
     """Print the topics of another program's log, its span, and remarks."""
     contents = log.as_dict()
     if as_json:
-        print_line(json.dumps(contents))
+        process.print_line(json.dumps(contents))
         return
     tell = partial(errors.Terminal().print, highlight=False, soft_wrap=True)
     tell(f"{log.path}  {log.format.name}, not a recording: `seatrial import` makes one of it", style="bold")
@@ -933,10 +919,10 @@ def info(recording: Recording) -> Contents | TopicLog:
 
 def _print_recovery(recovered: RecoverySummary, as_json: bool, options: Mapping[str, Any]) -> None:
     if as_json:
-        print_line(json.dumps(recovered.as_json()))
+        process.print_line(json.dumps(recovered.as_json()))
         return
-    print_line(str(recovered), err=True)
-    print_line(options["output"])
+    process.print_line(str(recovered), err=True)
+    process.print_line(options["output"])
 
 
 @command(ABOARD, "output", show=_print_recovery)
@@ -986,15 +972,15 @@ def recover(
 
 def _print_migration(migrated: Migration, as_json: bool, options: Mapping[str, Any]) -> None:
     if as_json:
-        print_line(json.dumps({"converted": migrated.converted, "kept": migrated.unconverted}))
+        process.print_line(json.dumps({"converted": migrated.converted, "kept": migrated.unconverted}))
         return
-    print_line(
+    process.print_line(
         f"{migrated.converted.total():,} of {migrated.summary.saved_messages:,} messages converted", err=True
     )
     if migrated.unconverted:
         kept = ", ".join(f"{topic} {count:,}" for topic, count in migrated.unconverted.items())
-        print_line(f"warning: kept as they were, as they fit no schema of today: {kept}", err=True)
-    print_line(options["output"])
+        process.print_line(f"warning: kept as they were, as they fit no schema of today: {kept}", err=True)
+    process.print_line(options["output"])
 
 
 @command(ABOARD, "output", show=_print_migration)

@@ -44,12 +44,7 @@ from seatrial.acquisition.core import errors, files, process, ship, stores
 from seatrial.acquisition.core.quantities import Ints
 from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.trial import software_version
-from seatrial.acquisition.recording.reader import (
-    Recording,
-    parts_by_recording,
-    read_parts_of_recording,
-    recording_size,
-)
+from seatrial.acquisition.recording import reader
 from seatrial.analysis.manoeuvres.criteria import criterion_results, index_rows
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, overshoot_from_order_name
 from seatrial.analysis.products import Options, Products, analyse_recording, error_cause_text
@@ -153,7 +148,7 @@ def result_inputs(paths: Sequence[Path], options: Options, name: str = "") -> di
 
     Two results of equal origin are equal. Raises :class:`InputError` for what cannot be read.
     """
-    size = sum(map(recording_size, paths))
+    size = sum(map(reader.recording_size, paths))
     digest = sha256_of(*paths)
     if digest is None:
         raise errors.InputError("cannot be read", where=str(paths[0]), fix="check its permissions")
@@ -260,7 +255,7 @@ def row_before_analysis(job: BatchJob) -> Row:
 
     Raises as :func:`process_recording` does, but for writing.
     """
-    recording = read_parts_of_recording([Path(job.path), *map(Path, job.later)])
+    recording = reader.read_parts_of_recording([Path(job.path), *map(Path, job.later)])
     table = table_of(recording)
     row = {
         "status": WAITING, "cause": "", **_recording_row(recording), "start": table.index[0].isoformat(),
@@ -269,7 +264,7 @@ def row_before_analysis(job: BatchJob) -> Row:
     return {"name": job.name, **to_json(row)}
 
 
-def _recording_row(recording: Recording) -> Row:
+def _recording_row(recording: reader.Recording) -> Row:
     """The part of a row that describes the recording itself."""
     return {
         "vessel": recording.trial.vessel,
@@ -824,7 +819,7 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
     The files of a recording in parts are together. A folder that cannot be read is listed itself.
     """
     if stores.is_remote(folder):
-        return parts_by_recording(
+        return reader.parts_by_recording(
             [path for path in stores.files_below(folder, ".mcap") if not path.name.startswith(".")]
         )
     if not folder.is_dir():
@@ -839,7 +834,7 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
         folders[:] = [name for name in folders if os.path.realpath(Path(root, name)) != str(out)]
         names = (name for name in (*folders, *file_names) if name.endswith(".mcap") and not name.startswith("."))
         paths += (Path(root, name) for name in names)
-    return parts_by_recording(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
+    return reader.parts_by_recording(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
 
 
 def result_names(folder: Path, recordings: Sequence[Sequence[Path]]) -> list[str]:

@@ -12,15 +12,8 @@ import typer
 
 from seatrial.acquisition import commands
 from seatrial.acquisition.commands import Data, Output, Parsed, Recording
-from seatrial.acquisition.core import errors
+from seatrial.acquisition.core import errors, process, stores
 from seatrial.acquisition.core.files import require_suffix
-from seatrial.acquisition.core.process import (
-    Termination,
-    announce,
-    interrupt_on_terminate,
-    print_line,
-)
-from seatrial.acquisition.core.stores import place_name
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -164,9 +157,9 @@ def check(
     read = read_as_one_recording(files)
     if not read.closed:
         names = ", ".join(map(str, files))
-        announce(f"warning: {names} was not closed: its end may be missing; `seatrial recover` mends it")
+        process.announce(f"warning: {names} was not closed: its end may be missing; `seatrial recover` mends it")
     if read.clock:
-        announce(f"note: {read.clock}")
+        process.announce(f"note: {read.clock}")
     table = table_of(read)
     with errors.progress_bar("checking") as progress:
         quality = check_recording(read, table, checks, progress)
@@ -175,7 +168,7 @@ def check(
         from seatrial.analysis.tables.table import provenance_of
 
         for path in write_quality(quality, Path(output), read.trial.as_metadata(), provenance_of(table)):
-            announce(place_name(path))
+            process.announce(stores.place_name(path))
     if repair is not None:
         from seatrial.analysis.quality.repairs import write_repaired
         from seatrial.analysis.tables.table import count_invalid_values
@@ -184,12 +177,12 @@ def check(
             read, table, quality.findings, Path(repair), quality.flags, rebuild_positions=rebuild_positions
         ).repairs
         for step in repairs:
-            announce(f"repaired {step.channel}: {step.text}, {_value_count_text(step.changed)}")
+            process.announce(f"repaired {step.channel}: {step.text}, {_value_count_text(step.changed)}")
         if not repairs:
             bad = count_invalid_values(read)
             without = f", without {_value_count_text(bad)} flagged bad in it" if bad else ""
-            announce(f"nothing to repair: the recording is written as it is{without}")
-        announce(place_name(repair))
+            process.announce(f"nothing to repair: the recording is written as it is{without}")
+        process.announce(stores.place_name(repair))
     return quality
 
 
@@ -339,8 +332,7 @@ def export(
     from dataclasses import asdict
 
     from seatrial.acquisition.recording.reader import read_as_one_recording
-    from seatrial.analysis.quality.repairs import Preparation
-    from seatrial.analysis.quality.repairs import prepare_table as prepare_recording
+    from seatrial.analysis.quality import repairs
     from seatrial.analysis.tables.export import KINDS, event_table, export_events, export_table, remarks_on_metadata
     from seatrial.analysis.tables.table import history_of
 
@@ -350,8 +342,8 @@ def export(
             raise errors.UsageError("--events writes the log as it is: leave the other options out")
         log = event_table(read_as_one_recording(commands.recording_paths(recording)))
         written = export_events(log, target)
-        announce(f"{len(log):,} events")
-        announce(place_name(written[0]), err=False)
+        process.announce(f"{len(log):,} events")
+        process.announce(stores.place_name(written[0]), err=False)
         return written
     netcdf = require_suffix(target, *KINDS) == ".nc"
     if isinstance(attribute, Mapping):
@@ -363,24 +355,24 @@ def export(
         attributes = {name: value for name, _, value in pairs}
     if attributes and not netcdf:
         raise errors.UsageError("--attribute is for NetCDF: name the output .nc")
-    how = Preparation(rate_hz, repair, remove_delays, smooth, flags or netcdf)
+    how = repairs.Preparation(rate_hz, repair, remove_delays, smooth, flags or netcdf)
     if commands.is_table(recording) and not any(options):
         table, done = recording, dict[str, Any]()
     else:
         table, done = (
-            prepare_recording(read_as_one_recording(commands.recording_paths(recording)), how),
+            repairs.prepare_table(read_as_one_recording(commands.recording_paths(recording)), how),
             asdict(how),
         )
     written = export_table(table, target, done, attributes)
     for step in history_of(table):
         if step["step"] in ("repair", "remove_delays"):
-            announce(step["options"].get("text") or f"delays removed: {step['options']['delays_s']} s")
-    announce(f"{len(table):,} rows of {len(table.columns)} columns")
+            process.announce(step["options"].get("text") or f"delays removed: {step['options']['delays_s']} s")
+    process.announce(f"{len(table):,} rows of {len(table.columns)} columns")
     for path in written[1:]:
-        announce(f"units, trial and provenance: {place_name(path)}")
+        process.announce(f"units, trial and provenance: {stores.place_name(path)}")
     for remark in remarks_on_metadata(table, attributes) if netcdf else ():
-        announce(remark)
-    announce(place_name(written[0]), err=False)
+        process.announce(remark)
+    process.announce(stores.place_name(written[0]), err=False)
     return written
 
 
@@ -453,14 +445,13 @@ def open_dataset(recording: Data, *, flags: bool = True) -> Dataset:
     ('m s-1', 'trajectory')
     """
     from seatrial.acquisition.recording.reader import read_as_one_recording
-    from seatrial.analysis.quality.repairs import Preparation
-    from seatrial.analysis.quality.repairs import prepare_table as prepare_recording
+    from seatrial.analysis.quality import repairs
     from seatrial.analysis.tables.export import cf_dataset
 
     if commands.is_table(recording):
         return cf_dataset(recording)
     opened = read_as_one_recording(commands.recording_paths(recording))
-    return cf_dataset(prepare_recording(opened, Preparation(flags=flags)))
+    return cf_dataset(repairs.prepare_table(opened, repairs.Preparation(flags=flags)))
 
 
 def _print_windows(windows: HeldWindows, as_json: bool, options: Mapping[str, Any]) -> None:
@@ -474,17 +465,17 @@ def _print_windows(windows: HeldWindows, as_json: bool, options: Mapping[str, An
     if all_windows:
         summary["moving"] = windows.moving_count
     if as_json:
-        print_line(json.dumps(summary))
+        process.print_line(json.dumps(summary))
         return
     reasons = ", ".join(f"{count} {reason}" for reason, count in windows.dropped.items()) or "none"
     recordings = "1 recording" if files == 1 else f"{files} recordings"
     legs = "1 leg" if windows.leg_count == 1 else f"{windows.leg_count} legs"
-    print_line(
+    process.print_line(
         f"{windows.kept} of {windows.candidates} windows of {options['horizon_s']} s "
         f"{'kept' if all_windows else 'held'}, in {legs} of {recordings}; dropped: {reasons}",
         err=True,
     )
-    print_line(place_name(options["output"]))
+    process.print_line(stores.place_name(options["output"]))
 
 
 @commands.command(commands.RECORDINGS, "output", show=_print_windows)
@@ -573,15 +564,15 @@ def _print_manoeuvres(table: ManoeuvreTable, as_json: bool, options: Mapping[str
     from seatrial.analysis.report.tables import summarise_manoeuvres, terminal_tables, trial_criteria_lines
 
     if as_json:
-        print_line(json.dumps(summarise_manoeuvres(table.recorded, options["length_m"])))
+        process.print_line(json.dumps(summarise_manoeuvres(table.recorded, options["length_m"])))
     for path in table.pages:
-        print_line(path, err=as_json)
+        process.print_line(path, err=as_json)
     if as_json or table.pages:
         return
     for recording in table.recorded:
         errors.Terminal().print(terminal_tables(recording, all_indices=options["all_indices"]))
     for line in trial_criteria_lines(table.recorded):
-        print_line(line)
+        process.print_line(line)
 
 
 @commands.command(commands.RECORDINGS, folder="output", show=_print_manoeuvres)
@@ -643,12 +634,7 @@ def manoeuvres(
     """
     from seatrial.acquisition.config.run_sheet import Statement, read_statement_text, statement_from_text
     from seatrial.acquisition.recording.reader import parts_by_recording
-    from seatrial.analysis.report.tables import (
-        manoeuvre_table,
-        manoeuvres_of_recording,
-        share_trial_currents,
-        write_report,
-    )
+    from seatrial.analysis.report import tables
 
     recorded, parts_of_recordings = [], parts_by_recording(commands.recording_paths(recordings))
     with errors.progress_bar("manoeuvres") as progress:
@@ -658,30 +644,30 @@ def manoeuvres(
                 statement = statement_from_text(read_statement_text(file, parts[0]))
             else:
                 statement = Statement(conditions=conditions)
-            recorded.append(manoeuvres_of_recording(parts, length_m, finders, statement))
+            recorded.append(tables.manoeuvres_of_recording(parts, length_m, finders, statement))
             progress(number / len(parts_of_recordings))
-        recorded = share_trial_currents(recorded)
-    pages = () if output is None else write_report(recorded, Path(output), length_m)
-    return manoeuvre_table(recorded, pages)
+        recorded = tables.share_trial_currents(recorded)
+    pages = () if output is None else tables.write_report(recorded, Path(output), length_m)
+    return tables.manoeuvre_table(recorded, pages)
 
 
 def _print_smoothed(smoothed: SmoothedMotion, as_json: bool, options: Mapping[str, Any]) -> None:
     from seatrial.analysis.estimation.smoother import summarise_smoothing
 
     for remark in smoothed.remarks:
-        print_line(remark, err=True)
+        process.print_line(remark, err=True)
     summary = summarise_smoothing(smoothed)
     if as_json:
-        print_line(json.dumps(summary))
+        process.print_line(json.dumps(summary))
         return
     noise = smoothed.noise
-    print_line(
+    process.print_line(
         f"{summary['rows']:,} rows, {summary['missing']:,} of them in gaps; noise {noise.position_m:.3g} m, "
         f"{noise.heading_rad * 57.29578:.3g} deg, {noise.speed_mps:.3g} m/s, "
         f"{noise.yaw_rate_radps * 57.29578:.3g} deg/s; {sum(summary['rejected'].values()):,} samples refused",
         err=True,
     )
-    print_line(options["output"])
+    process.print_line(options["output"])
 
 
 @commands.command(commands.RECORDINGS, "output", show=_print_smoothed)
@@ -735,18 +721,20 @@ def smooth(
 
 def _print_batch(summary: BatchSummary, as_json: bool, options: Mapping[str, Any]) -> None:
     for cause, names in summary.failures:
-        print_line(f"{len(names)} failed: {cause}\n    {', '.join(names)}", err=True)
+        process.print_line(f"{len(names)} failed: {cause}\n    {', '.join(names)}", err=True)
     if cut_off := [row["name"] for row in summary.rows if row["status"] == "done" and row.get("closed") is False]:
-        print_line(f"{len(cut_off)} done, but cut off before the end: {', '.join(cut_off)}", err=True)
+        process.print_line(f"{len(cut_off)} done, but cut off before the end: {', '.join(cut_off)}", err=True)
     if summary.gone:
-        print_line(f"{len(summary.gone)} of recordings that are gone: {', '.join(summary.gone)}", err=True)
+        process.print_line(f"{len(summary.gone)} of recordings that are gone: {', '.join(summary.gone)}", err=True)
     if summary.remainder is not None:
-        print_line(f"{summary.remainder}; the same command without --sample does them", err=True)
+        process.print_line(f"{summary.remainder}; the same command without --sample does them", err=True)
     if as_json:
-        print_line(json.dumps(summary.as_json()))
+        process.print_line(json.dumps(summary.as_json()))
     else:
-        print_line(f"{summary.done} done, {summary.reused} of them before, {summary.failed} failed", err=True)
-        print_line(place_name(summary.index))
+        process.print_line(
+            f"{summary.done} done, {summary.reused} of them before, {summary.failed} failed", err=True
+        )
+        process.print_line(stores.place_name(summary.index))
     if summary.failed:
         raise typer.Exit(1)
 
@@ -873,8 +861,8 @@ def batch(
                 sample=sample,
             )  # fmt: skip
     except KeyboardInterrupt as stop:
-        how = "terminated" if isinstance(stop, Termination) else "interrupted"
-        announce(f"seatrial: {how}; what is done stays, the same command goes on from there")
+        how = "terminated" if isinstance(stop, process.Termination) else "interrupted"
+        process.announce(f"seatrial: {how}; what is done stays, the same command goes on from there")
         raise
 
 
@@ -935,17 +923,16 @@ def serve(
             "serve needs the package flask", fix="pip install 'seatrial[serve]'"
         ) from error
     from seatrial.acquisition.config.run_sheet import read_statement_text
+    from seatrial.analysis import serve as server
     from seatrial.analysis.products import Options
-    from seatrial.analysis.serve import Season, make_app, results_folder
-    from seatrial.analysis.serve import serve as run
 
     source = Path(folder)
     options = Options(statement=read_statement_text(None, source))
-    results = results_folder(source) if output is None else Path(output)
-    season = Season(source, results, options, eager=not on_demand)
-    with interrupt_on_terminate(), suppress(KeyboardInterrupt), season:
-        print_line(f"results: {season.out}", err=True)
-        run(make_app(season, upload_mb if upload else None), port, print_line)
+    results = server.results_folder(source) if output is None else Path(output)
+    season = server.Season(source, results, options, eager=not on_demand)
+    with process.interrupt_on_terminate(), suppress(KeyboardInterrupt), season:
+        process.print_line(f"results: {season.out}", err=True)
+        server.serve(server.make_app(season, upload_mb if upload else None), port, process.print_line)
 
 
 def plot(table: pd.DataFrame) -> Figure:
@@ -972,10 +959,9 @@ def plot(table: pd.DataFrame) -> Figure:
     >>> figure = st.plot(st.prepare("trial.mcap"))
     >>> figure.savefig("trial.png")
     """
-    from seatrial.analysis.report.pages import fill_figure
-    from seatrial.analysis.report.plots import channels_figure, track_figure
+    from seatrial.analysis.report import pages, plots
 
-    parts = [part for part in (track_figure(table), channels_figure(table)) if part is not None]
+    parts = [part for part in (plots.track_figure(table), plots.channels_figure(table)) if part is not None]
     if not parts:
         raise errors.DataShortageError(
             "the table has no channel to plot", fix="give a table with columns of the conventions"
@@ -986,4 +972,4 @@ def plot(table: pd.DataFrame) -> Figure:
         for (draw, _, _), panel in zip(parts, panels, strict=True):
             draw(panel)
 
-    return fill_figure(fill, (8.0 * len(parts), 8.0))
+    return pages.fill_figure(fill, (8.0 * len(parts), 8.0))

@@ -50,13 +50,7 @@ from seatrial.acquisition.core.files import atomic_file, lock_for_replacement, m
 from seatrial.acquisition.core.trial import software_version
 from seatrial.acquisition.logger.health import LOG
 from seatrial.acquisition.recording.reader import read_parts_of_recording, read_recording
-from seatrial.acquisition.tables.import_table import (
-    import_proposed,
-    import_table,
-    is_standard_table,
-    propose_column_map,
-)
-from seatrial.acquisition.tables.table_files import read_raw_table
+from seatrial.acquisition.tables import import_table, table_files
 from seatrial.analysis import batch, products
 from seatrial.analysis.manoeuvres import indices, motion
 from seatrial.analysis.quality.repairs import Preparation, prepare_table
@@ -672,16 +666,16 @@ def make_recording(source: str) -> list[str]:
     recording = _recording_path(path)
     if recording == path:
         return [f"{len(channels_of(read_recording(path)))} channels"]
-    raw = read_raw_table(path)
-    if is_standard_table(raw):
-        return [str(import_table(path, recording))]
-    proposal = propose_column_map(raw)
+    raw = table_files.read_raw_table(path)
+    if import_table.is_standard_table(raw):
+        return [str(import_table.import_table(path, recording))]
+    proposal = import_table.propose_column_map(raw)
     if proposal.unanswered:
         raise errors.InputError(
             f"leaves an open question: {proposal.unanswered[0]}",
             fix="import it with `seatrial import`, which accepts the answer",
         )
-    summary = import_proposed(raw, proposal, recording, recording.with_suffix(".columns.toml"))
+    summary = import_table.import_proposed(raw, proposal, recording, recording.with_suffix(".columns.toml"))
     return [str(summary), *proposal.warnings]
 
 

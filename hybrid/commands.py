@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from seatrial.analysis.conduct.outlook import Outlook
     from seatrial.analysis.conduct.programme import TrialProgramme
     from seatrial.analysis.speed_power.analysis import SpeedPower
-    from seatrial.hybrid.calibrators import TrainedCalibrator
+    from seatrial.hybrid.calibrators import TrainedCalibrator, VesselChoice
     from seatrial.hybrid.calibrators.predict import Prediction
     from seatrial.hybrid.evaluation.study import Evaluation
     from seatrial.hybrid.evaluation.validate import Validation
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     from seatrial.hybrid.identification.identify import Identification
     from seatrial.hybrid.planning import Plan
     from seatrial.hybrid.prediction.dataset import Dataset
-    from seatrial.hybrid.prediction.reference import VesselChoice
     from seatrial.hybrid.simulation.trial import CampaignResult
     from seatrial.hybrid.simulation.vessel_check import VesselCheck
     from seatrial.hybrid.twin import WatchSummary
@@ -867,26 +866,24 @@ def plan(
     >>> sorted(plan.asked.limits)
     ['hull_fouling', 'ocean_current']
     """
-    if write is not None:
-        from seatrial.hybrid.planning import write_programme
+    from seatrial.hybrid import planning
 
-        programme = write_programme(Path(write), template, vessel, wind_from_deg, current_to_deg)
+    if write is not None:
+        programme = planning.write_programme(Path(write), template, vessel, wind_from_deg, current_to_deg)
         announce(write)
         return programme
     from seatrial.hybrid.effects import catalogue_with
-    from seatrial.hybrid.planning import expected_noise_in_sea, parse_programme
-    from seatrial.hybrid.planning import make_plan as plan_programme
     from seatrial.hybrid.simulation.trial import sea_state_for_ship
     from seatrial.hybrid.vessel.files import load_vessel
 
     ship = load_vessel(vessel)
     sea = sea_state_for_ship(sea_state or ("calm" if ship.dimensions.is_model else "gentle"), ship.dimensions)
     catalogue, tolerance = catalogue_with(effects, without, ship), tolerance_percent / 100.0
-    parts = parse_programme(manoeuvres, ship, duration_min)
+    parts = planning.parse_programme(manoeuvres, ship, duration_min)
     with errors.progress_bar("noise") as progress:
-        noise = expected_noise_in_sea(ship, sea, tolerance, catalogue, progress)
+        noise = planning.expected_noise_in_sea(ship, sea, tolerance, catalogue, progress)
     with errors.progress_bar("planning") as progress:
-        planned = plan_programme(parts, ship, sea, noise, tolerance, catalogue, progress)
+        planned = planning.make_plan(parts, ship, sea, noise, tolerance, catalogue, progress)
     if output is not None:
         from seatrial.hybrid.report.pages import write_plan
 
@@ -1060,12 +1057,11 @@ def train(
     (15, 'gunnerus_short')
     """
     from seatrial.hybrid import calibrators
-    from seatrial.hybrid.prediction.reference import choose_reference
     from seatrial.hybrid.vessel.files import trials_of_recordings
 
     calibrators.refuse_untrainable(method)
     files = recording_paths(recordings)
-    model = choose_reference(trials_of_recordings(files), vessel)
+    model = calibrators.choose_reference(trials_of_recordings(files), vessel)
     plant = model.model
     calibrators.refuse_untrainable(method, plant)
     dataset = _load_dataset(
@@ -1322,7 +1318,6 @@ def evaluate(
     """
     from seatrial.hybrid import calibrators
     from seatrial.hybrid.evaluation.study import evaluate_methods, refuse_unknown_splits, summarise_study
-    from seatrial.hybrid.prediction.reference import choose_reference
     from seatrial.hybrid.vessel.black_box import BlackBox
     from seatrial.hybrid.vessel.files import trials_of_recordings
 
@@ -1334,7 +1329,7 @@ def evaluate(
     refuse_unknown_splits(kinds)
     for name in names:
         calibrators.refuse_untrainable(name)
-    model = choose_reference(trials_of_recordings(files), vessel)
+    model = calibrators.choose_reference(trials_of_recordings(files), vessel)
     plant = model.model
     if isinstance(plant, BlackBox) and not methods:
         excluded = [name for name in names if calibrators.sets_states(name, plant)]
@@ -1852,14 +1847,13 @@ def diagnose(
     ['ocean_current']
     """
     from seatrial.analysis.tables.table import percent_of
-    from seatrial.hybrid import workflows
+    from seatrial.hybrid import calibrators, workflows
     from seatrial.hybrid.effects import catalogue_with
     from seatrial.hybrid.effects.context import declared_context
-    from seatrial.hybrid.prediction.reference import choose_reference
     from seatrial.hybrid.vessel.files import trials_of_recordings
 
     files = recording_paths(recordings)
-    ship = choose_reference(trials_of_recordings(files), vessel).file_or_simulator
+    ship = calibrators.choose_reference(trials_of_recordings(files), vessel).file_or_simulator
     catalogue = catalogue_with(effects, without, ship)
     declared = declared_context(
         catalogue, still_water=still_water, no_waves=no_waves, no_wind=no_wind, surveyed=surveyed, known=known
@@ -1966,13 +1960,7 @@ def identify(
     """
     from seatrial.analysis.tables.table import percent_of, warn_of_calm, with_calm
     from seatrial.analysis.windows.held import named_recordings
-    from seatrial.hybrid.effects import catalogue_of
-    from seatrial.hybrid.effects.context import (
-        DeclaredContext,
-        context_of_recordings,
-        declared_context,
-        with_known_effects,
-    )
+    from seatrial.hybrid.effects import catalogue_of, context
     from seatrial.hybrid.identification.fit import fixed_surroundings
     from seatrial.hybrid.identification.identify import identify_tables, identify_with_folds, possible_manoeuvres
     from seatrial.hybrid.vessel.files import reference_model, save_vessel, trials_of_recordings
@@ -1987,11 +1975,12 @@ def identify(
     for table in tables.values() if not validation else ():  # the validation reports it, too
         warn_of_calm(with_calm(table))
     catalogue = catalogue_of(model.vessel)
-    declared = declared_context(
+    declared = context.declared_context(
         catalogue, still_water=still_water, no_waves=no_waves, no_wind=no_wind, surveyed=surveyed, known=known
     )
-    context = context_of_recordings(trials_of_recordings(files), model.vessel, declared)
-    fixed, ship = fixed_surroundings(context, catalogue), with_known_effects(model.vessel, context, catalogue)
+    declared = context.context_of_recordings(trials_of_recordings(files), model.vessel, declared)
+    fixed = fixed_surroundings(declared, catalogue)
+    ship = context.with_known_effects(model.vessel, declared, catalogue)
     ranked = possible_manoeuvres(ship)
     with errors.progress_bar("identifying") as progress:
         if validation:
@@ -2007,7 +1996,7 @@ def identify(
         save_vessel(identified.vessel, output)
     identified = replace(
         identified, file=str(output or ""), model=model.choice, set_aside=excluded,
-        context=DeclaredContext(context.declarations, context.known, fixed),
+        context=context.DeclaredContext(declared.declarations, declared.known, fixed),
     )  # fmt: skip
     if picture is not None:
         from seatrial.analysis.report.pages import write_figure
@@ -2105,21 +2094,19 @@ def speed_power(
     >>> round(st.speed_power("runs.csv").speed_at(4000.0).speed_mps / 1852.0 * 3600.0, 6)
     12.0
     """
-    from seatrial.acquisition.config.declarations import vessel_file_of_ship
-    from seatrial.acquisition.config.run_sheet import Conditions, read_statement_text, statement_from_text
+    from seatrial.acquisition.config import declarations, run_sheet
     from seatrial.acquisition.recording.reader import read_recordings
     from seatrial.analysis.speed_power import analysis as calculation
-    from seatrial.analysis.speed_power import runs
-    from seatrial.analysis.speed_power.formulas import read_wind_resistance
+    from seatrial.analysis.speed_power import formulas, runs
     from seatrial.analysis.tables.table import table_of
     from seatrial.hybrid.vessel import files as vessel_files
 
     files = recording_paths(recordings)
-    if not isinstance(conditions, Conditions):
-        text = read_statement_text(None if conditions is None else Path(conditions), files[0])
-        conditions = statement_from_text(text).conditions
+    if not isinstance(conditions, run_sheet.Conditions):
+        text = run_sheet.read_statement_text(None if conditions is None else Path(conditions), files[0])
+        conditions = run_sheet.statement_from_text(text).conditions
     if wind_coefficients is not None:
-        conditions = replace(conditions, wind_resistance=read_wind_resistance(Path(wind_coefficients)))
+        conditions = replace(conditions, wind_resistance=formulas.read_wind_resistance(Path(wind_coefficients)))
     tables = [path for path in files if runs.is_run_table(path)]
     if tables and len(tables) < len(files):
         raise errors.InputError(
@@ -2139,7 +2126,7 @@ def speed_power(
     else:
         raw = list(read_recordings(files))
         recorded = [(recording.trial, table_of(recording)) for recording in raw]
-        ship = vessel or vessel_file_of_ship(raw[0].trial.vessel, raw[0].path.parent)
+        ship = vessel or declarations.vessel_file_of_ship(raw[0].trial.vessel, raw[0].path.parent)
         loaded = vessel_files.load_vessel(ship) if ship else None
         conditions = vessel_files.correction_conditions(recorded, loaded, conditions)
         events = [event for recording in raw for event in recording.events]

@@ -36,8 +36,7 @@ from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.diagnosis.regression import normal_equations
 from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
 from seatrial.hybrid.simulation import manoeuvres, trial, vessel_check
-from seatrial.hybrid.vessel.files import DEFAULT as DEFAULT_VESSEL
-from seatrial.hybrid.vessel.files import Vessel, load_vessel
+from seatrial.hybrid.vessel import files
 
 _SEEN = planning.noncentrality(16.0, 1)
 _LEAST = 1e-3  # evidence below this is none
@@ -174,7 +173,7 @@ class Plan(Result):
 
 
 def parse_programme(
-    texts: Sequence[str], vessel: Vessel, minutes: float
+    texts: Sequence[str], vessel: files.Vessel, minutes: float
 ) -> tuple[planning.CandidateManoeuvre, ...]:
     """The parts named by ``MANOEUVRE`` or ``MANOEUVRE=MINUTES``; the remaining ``minutes`` are divided evenly.
 
@@ -211,44 +210,40 @@ def parse_programme(
 def write_programme(
     path: Path,
     template: str,
-    vessel: Vessel | str | Path | None = None,
+    vessel: files.Vessel | str | Path | None = None,
     wind_from_deg: float | None = None,
     current_to_deg: float | None = None,
 ) -> TrialProgramme:
     """Write the programme of a template, at a vessel's length and test speed, in water of four draughts and more,
     with headings and order by the wind and the current that are expected. Raises :class:`ConfigurationError`,
     :class:`StorageError`."""
-    ship = vessel_check.ship_for_trials(load_vessel(vessel))
+    ship = vessel_check.ship_for_trials(files.load_vessel(vessel))
     actuators = ship.vessel.actuators
     mains = ship_names.shafts(actuators)
     expected = {"wind_from_deg": wind_from_deg, "current_to_deg": current_to_deg}
+    name = str(vessel or files.DEFAULT)  # of one of trials/vessels; another is named by the way to its file
+    if isinstance(vessel, files.Vessel):
+        name = vessel.name
+    elif name not in vessel_names():
+        name = os.path.relpath(name, path.parent)
     programme = programme_from_template(
-        template, ship.length_m, vessel_check.test_speed_mps(ship.vessel, ship.rpm),
-        _vessel_named_from(path, vessel),
+        template, ship.length_m, vessel_check.test_speed_mps(ship.vessel, ship.rpm), name,
         [*ship_names.names_of_kind(actuators, "tunnel"), *(mains if len(mains) > 1 else ())],
         vessel_check.largest_helm_deg(ship),
         least_depth_m=round(criteria.DEEP_DRAUGHTS * ship.vessel.dimensions.draught_m, 1),
-        **{name: value % 360.0 for name, value in expected.items() if value is not None},
+        **{key: value % 360.0 for key, value in expected.items() if value is not None},
     )  # fmt: skip
     programme.save(path)
     return programme
 
 
-def _vessel_named_from(path: Path, vessel: Vessel | str | Path | None) -> str:
-    """How a file at a path names a vessel: one of trials/vessels by its name, another by the way to its file."""
-    if isinstance(vessel, Vessel):
-        return vessel.name
-    text = str(vessel or DEFAULT_VESSEL)
-    return text if text in vessel_names() else os.path.relpath(text, path.parent)
-
-
-def candidate_manoeuvres(vessel: Vessel) -> tuple[planning.CandidateManoeuvre, ...]:
+def candidate_manoeuvres(vessel: files.Vessel) -> tuple[planning.CandidateManoeuvre, ...]:
     """The repertoire at a vessel's usual shaft speed."""
     return planning.candidates_of_ship(planning.shafts_of(vessel, manoeuvres.usual_rpm(vessel)))
 
 
 def expected_noise_in_sea(
-    vessel: Vessel,
+    vessel: files.Vessel,
     sea: trial.SeaState,
     tolerance: float,
     catalogue: Catalogue,
@@ -265,7 +260,7 @@ def expected_noise_in_sea(
 
 def make_plan(
     programme: Sequence[planning.CandidateManoeuvre],
-    vessel: Vessel,
+    vessel: files.Vessel,
     sea: trial.SeaState,
     noise: disturbance_model.DisturbanceNoise,
     tolerance: float,

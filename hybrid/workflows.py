@@ -40,8 +40,7 @@ import pandas as pd
 from pydantic import TypeAdapter
 from pymap3d import ned2geodetic
 
-from seatrial.acquisition.config import declarations, sources, trial_file
-from seatrial.acquisition.config.run_sheet import Context
+from seatrial.acquisition.config import declarations, run_sheet, sources, trial_file
 from seatrial.acquisition.core import errors, quantities
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.files import remove_file, write_text, written_together
@@ -50,11 +49,10 @@ from seatrial.acquisition.emulator import NullModem, Playback, emulate
 from seatrial.acquisition.recording import reader, writer
 from seatrial.acquisition.recording.parts import safe_file_name
 from seatrial.acquisition.tables.import_table import refuse_overwriting
-from seatrial.analysis.quality.check import check_recording
+from seatrial.analysis.quality import check, situations
 from seatrial.analysis.quality.findings import Finding
 from seatrial.analysis.quality.motion.model import GROUPS
 from seatrial.analysis.quality.repairs import repair_table
-from seatrial.analysis.quality.situations import KINDS as SITUATIONS
 from seatrial.analysis.tables.table import (
     NANO,
     hash_distinct_files,
@@ -66,27 +64,13 @@ from seatrial.analysis.tables.table import (
     utc_index,
 )
 from seatrial.analysis.windows.held import HeldWindows, tables_of_recordings, windows_of_tables
-from seatrial.hybrid.calibrators import train_calibrator
+from seatrial.hybrid import effects
+from seatrial.hybrid.calibrators import choose_reference, train_calibrator
 from seatrial.hybrid.calibrators.own import load, save
 from seatrial.hybrid.diagnosis import acceptance, linearise, regression, result, verdict
 from seatrial.hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
 from seatrial.hybrid.diagnosis.log import BLOCK_S, Log, join_tables, log_of
-from seatrial.hybrid.effects import (
-    CATALOGUE,
-    Catalogue,
-    as_file,
-    catalogue_of,
-    inside_effects,
-    simulator_with,
-    vessel_plant,
-)
-from seatrial.hybrid.effects.context import (
-    DeclaredContext,
-    context_of_recordings,
-    excluding_declarations,
-    searched_effects,
-    with_known_effects,
-)
+from seatrial.hybrid.effects import context as contexts
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.effects.simulators import save_simulator
 from seatrial.hybrid.evaluation.predicted_indices import index_table, uncertain_effects
@@ -95,24 +79,16 @@ from seatrial.hybrid.identification.fit import fixed_surroundings
 from seatrial.hybrid.identification.identify import Identification, identify_tables
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.prediction.dataset import load_dataset
-from seatrial.hybrid.prediction.reference import choose_reference
 from seatrial.hybrid.report.diagnosis import correction_sentence, describe, model_line, write_report
 from seatrial.hybrid.report.folder import Choices, write_folder_report
 from seatrial.hybrid.report.text import plain
 from seatrial.hybrid.simulation.index_table import IndexTable
 from seatrial.hybrid.simulation.manoeuvres import Drives, response_of
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
+from seatrial.hybrid.vessel import files as vessel_files
 from seatrial.hybrid.vessel.actuators import KINDS, Drive
 from seatrial.hybrid.vessel.black_box import BlackBox, inside_error
 from seatrial.hybrid.vessel.estimate.new_vessel import NewVessel
-from seatrial.hybrid.vessel.files import (
-    Vessel,
-    add_effects,
-    load_vessel,
-    reference_model,
-    save_vessel,
-    trials_of_recordings,
-)
 from seatrial.hybrid.vessel.outside import assumed_inertia
 
 if TYPE_CHECKING:
@@ -152,13 +128,13 @@ _EXAMPLE_S, _PLACE_DEG = 420.0, (63.44, 10.4)
 class Refit:
     """A vessel with coefficients from all of a trial, or as it was where that is no better, and how that went."""
 
-    vessel: Vessel
+    vessel: vessel_files.Vessel
     correction: result.IdentifiedCorrection
 
 
 def reidentify_model(
     tables: Sequence[pd.DataFrame],
-    vessel: Vessel,
+    vessel: vessel_files.Vessel,
     progress: errors.Progress = lambda share: None,
     fixed: Collection[str] = (),
 ) -> Refit:
@@ -175,7 +151,7 @@ def reidentify_model(
         other_folds = _tables_without_fold(named, log, fold)
         part = errors.subtask_progress(progress, number, len(folds) + 1)
         refitted = identify_tables(other_folds, vessel, segment_s=SEGMENT_S, fixed=fixed, progress=part)[0]
-        plant = vessel_plant(refitted.vessel)
+        plant = effects.vessel_plant(refitted.vessel)
         in_fold = windows.fold == fold
         refit_tracks[in_fold] = predicted_tracks(
             log, plant, linearise.true_states(log, plant, windows.starts[in_fold]), windows.starts[in_fold]
@@ -196,13 +172,15 @@ def _tables_without_fold(named_tables: Mapping[str, pd.DataFrame], log: Log, fol
     return {name: table for name, table in remaining.items() if len(table)}
 
 
-def force_difference_by_component(log: Log, before: Vessel, after: Vessel) -> dict[str, float]:
+def force_difference_by_component(
+    log: Log, before: vessel_files.Vessel, after: vessel_files.Vessel
+) -> dict[str, float]:
     """How far the forces of two vessels are apart along a trial, root mean square as shares of the force range.
 
     They are the forces ahead, across and in yaw that would make the one move in a second as the other does: a
     mass or an inertia that differs counts as the force that it takes.
     """
-    old, new = vessel_plant(before), vessel_plant(after)
+    old, new = effects.vessel_plant(before), effects.vessel_plant(after)
     linear = linearise.linear_model(log, old)
     moved = linearise.next_states(log, new, linear.origin) - linearise.next_states(log, old, linear.origin)
     force = np.linalg.solve(linear.B[:, 3:], moved[:, 3:, None])[..., 0]
@@ -251,7 +229,7 @@ class DiagnosisRun:
     conclusion: verdict.Conclusion
     extras: result.Extras
     tables: Sequence[pd.DataFrame]
-    refit: Vessel | None = None
+    refit: vessel_files.Vessel | None = None
 
     def __str__(self) -> str:
         return f"{model_line(self.diagnosis)}\n{self.diagnosis}"
@@ -263,7 +241,7 @@ class DiagnosisRun:
         return make_overview_figure(self.diagnosis)
 
 
-DiagnosedShip = Vessel | BlackBox
+DiagnosedShip = vessel_files.Vessel | BlackBox
 
 
 def _not_asked(model: BlackBox) -> dict[str, str]:
@@ -272,7 +250,7 @@ def _not_asked(model: BlackBox) -> dict[str, str]:
     pushed = "its input for accelerations" if model.spec.takes_acceleration else "half before each step, half after"
     return {
         "not_asked": "the model is a simulator, and these would act inside it: "
-        + ", ".join(map(plain, inside_effects(model)))
+        + ", ".join(map(plain, effects.inside_effects(model)))
         + "; what is wrong among them shows as what it does from outside: a loss of thrust as a shaft gain, "
         "fouling as added resistance",
         "pushes": f"accelerations, by {pushed}; newtons are those of {mass_t:,.0f} t, usual at its length",
@@ -283,10 +261,10 @@ def diagnose_tables(
     tables: Sequence[pd.DataFrame],
     vessel: DiagnosedShip,
     tolerance: float = verdict.TOLERANCE,
-    catalogue: Catalogue | None = None,
+    catalogue: effects.Catalogue | None = None,
     provenance: Mapping[str, Any] | None = None,
     progress: errors.Progress = lambda share: None,
-    context: Context | None = None,
+    context: run_sheet.Context | None = None,
 ) -> DiagnosisRun:
     """Diagnose raw tables and put the conclusion into words; errors as :func:`.verdict.diagnose`.
 
@@ -296,21 +274,21 @@ def diagnose_tables(
     the first remark.
     """
     tables, driven = replace_dead_feedback_by_orders(tables, vessel)
-    effects = catalogue_of(vessel) if catalogue is None else catalogue
-    considered = replace_wind_effects(effects, tables, of_simulator=isinstance(vessel, BlackBox))
-    context = context or Context()
-    searched = searched_effects(considered, context)
-    looked_for_wind = considered != effects and STEADY_WIND.name in searched
+    available = effects.catalogue_of(vessel) if catalogue is None else catalogue
+    considered = replace_wind_effects(available, tables, of_simulator=isinstance(vessel, BlackBox))
+    context = context or run_sheet.Context()
+    searched = contexts.searched_effects(considered, context)
+    looked_for_wind = considered != available and STEADY_WIND.name in searched
     wind_remark = {"wind": "not recorded: only a steady one was looked for"} if looked_for_wind else {}
     conclusion = verdict.diagnose(tables, vessel, tolerance, searched, progress)
-    asked = {} if isinstance(vessel, Vessel) else _not_asked(vessel)
+    asked = {} if isinstance(vessel, vessel_files.Vessel) else _not_asked(vessel)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **asked, **wind_remark})
     names = [effect.name for effect in diagnosis.effects] + [suspect.name for suspect in diagnosis.suspects]
     names += [name for group in diagnosis.indistinguishable for name in group]
     refuted = ("no wind",) if conclusion.first.evidence.equations.log.wind[:, 1].any() else ()
-    declared = DeclaredContext(
+    declared = contexts.DeclaredContext(
         context.declarations, context.known, tuple(name for name in considered if name not in searched),
-        excluding_declarations([searched[name] for name in dict.fromkeys(names)], context, refuted),
+        contexts.excluding_declarations([searched[name] for name in dict.fromkeys(names)], context, refuted),
     )  # fmt: skip
     diagnosis = replace(diagnosis, context=declared, remarks=(*driven, *diagnosis.remarks))
     return DiagnosisRun(diagnosis, conclusion, extras, tables)
@@ -320,13 +298,13 @@ def diagnose_files(
     files: Sequence[Path],
     vessel: DiagnosedShip,
     tolerance: float,
-    catalogue: Catalogue,
+    catalogue: effects.Catalogue,
     time_range: tuple[float, float] = (0.0, 100.0),
     *,
     repair: bool = False,
     rebuild_positions: bool | None = None,
     identify: bool | None = None,
-    context: Context | None = None,
+    context: run_sheet.Context | None = None,
     progress: errors.Progress = lambda share: None,
 ) -> DiagnosisRun:
     """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.verdict.diagnose`.
@@ -344,10 +322,10 @@ def diagnose_files(
         if vessel.run_in_s is not None:
             raise inside_error(vessel, "a diagnosis sets its state each second, and it cannot start from one")
         identify = False
-    hashes, trials = hash_distinct_files(files), trials_of_recordings(files)
+    hashes, trials = hash_distinct_files(files), vessel_files.trials_of_recordings(files)
     model_choice = choose_reference(trials, vessel).choice
-    declared = context_of_recordings(trials, vessel, context or Context())
-    vessel = with_known_effects(vessel, declared, catalogue)
+    declared = contexts.context_of_recordings(trials, vessel, context or run_sheet.Context())
+    vessel = contexts.with_known_effects(vessel, declared, catalogue)
     provenance = {
         "software_version": software_version(),
         "recordings": ", ".join(errors.printable_path(Path(file).name) for file in files),
@@ -392,7 +370,7 @@ def diagnose_files(
     return replace(run, diagnosis=replace(first, identified=refit.correction), refit=start)
 
 
-def indices_of_diagnosis(run: DiagnosisRun, before: Vessel, start: Vessel) -> IndexTable:
+def indices_of_diagnosis(run: DiagnosisRun, before: vessel_files.Vessel, start: vessel_files.Vessel) -> IndexTable:
     """The standard indices of the model ``before``, and of the ``start`` of a diagnosis with what it named."""
     named = {effect.name: effect.parameters for effect in run.diagnosis.effects if effect.in_vessel}
     tables = {str(number): table for number, table in enumerate(run.tables)}
@@ -422,7 +400,7 @@ def diagnose_with_refit(
         progress(1.0)
         return first, None
 
-    assert isinstance(vessel, Vessel)
+    assert isinstance(vessel, vessel_files.Vessel)
     record = record if record.repaired else checked(True)
     tables = replace_dead_feedback_by_orders(record.tables, vessel)[0]
     try:
@@ -470,25 +448,27 @@ def write_diagnosis(run: DiagnosisRun, vessel: DiagnosedShip, folder: Path) -> P
         result.write_figure_data(run.diagnosis, run.extras, folder)
         regimes = {regime.name: (regime.regime, regime.value) for regime in run.conclusion.regimes}
         if regimes:
-            write_text(folder / "regimes.py", as_file(regimes))
+            write_text(folder / "regimes.py", effects.as_file(regimes))
         else:
             remove_file(folder / "regimes.py")
         if run.refit is None:
             remove_file(folder / "identified.toml")
         else:
-            save_vessel(run.refit, folder / "identified.toml")
+            vessel_files.save_vessel(run.refit, folder / "identified.toml")
         if isinstance(vessel, BlackBox):
-            effects, notes = effects_and_notes(run.diagnosis)
-            save_simulator(simulator_with(vessel, effects), folder / "vessel.toml", notes)
+            named, notes = effects_and_notes(run.diagnosis)
+            save_simulator(effects.simulator_with(vessel, named), folder / "vessel.toml", notes)
         else:
-            save_vessel(vessel_with_effects(run.refit or vessel, run.diagnosis), folder / "vessel.toml")
+            vessel_files.save_vessel(
+                vessel_with_effects(run.refit or vessel, run.diagnosis), folder / "vessel.toml"
+            )
         return write_report(run.diagnosis, run.extras, folder)
 
 
 def effects_and_notes(diagnosis: result.Diagnosis) -> tuple[dict[str, dict[str, float]], dict[str, Any]]:
     """What was known and named, for a file of the model, and where that comes from."""
     added = [effect for effect in diagnosis.effects if effect.in_vessel]
-    effects = {
+    named = {
         effect.name: {name: estimate.value for name, estimate in effect.parameters.items()} for effect in added
     }
     stated = {name: dict(values) for name, values in diagnosis.context.known.items()}
@@ -505,17 +485,17 @@ def effects_and_notes(diagnosis: result.Diagnosis) -> tuple[dict[str, dict[str, 
         f"diagnosis_{key}": value if isinstance(value, int | float) else str(value)
         for key, value in diagnosis.provenance.items()
     }
-    return stated | effects, {**provenance, **notes, "verdict": diagnosis.verdict}
+    return stated | named, {**provenance, **notes, "verdict": diagnosis.verdict}
 
 
-def vessel_with_effects(vessel: Vessel, diagnosis: result.Diagnosis) -> Vessel:
+def vessel_with_effects(vessel: vessel_files.Vessel, diagnosis: result.Diagnosis) -> vessel_files.Vessel:
     """``vessel`` with what was known and what was named, and where that comes from.
 
     A named effect that the vessel has already takes that one's place: its value is what both come to. What is not
     the same in all of the trial stands as it is at the end; the sea and the sensors of each recording stay with it.
     """
-    effects, notes = effects_and_notes(diagnosis)
-    updated = add_effects(vessel, effects, **notes)
+    named, notes = effects_and_notes(diagnosis)
+    updated = vessel_files.add_effects(vessel, named, **notes)
 
     added = [effect for effect in diagnosis.effects if effect.in_vessel]
     by_scope = dict[str, list[str]]()
@@ -647,7 +627,7 @@ def checked_tables(
     Raises :class:`DataShortageError` where the ship is held or towed throughout.
     """
     raw = table_of(recording)
-    quality = check_recording(recording, raw)
+    quality = check.check_recording(recording, raw)
     faults = [finding for finding in quality.findings if repaired or finding.code not in _FOR_A_NAME]
     record = repair_table(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
     flags = select(quality.flags if record.flags is None else record.flags, time_range)
@@ -700,7 +680,7 @@ def free_motion(table: pd.DataFrame, findings: Iterable[Finding]) -> tuple[pd.Da
     """
     times, remarks = utc_index(table), list[str]()
     free = np.ones(len(table), dtype=bool)
-    for finding in (finding for finding in findings if finding.code in SITUATIONS):
+    for finding in (finding for finding in findings if finding.code in situations.KINDS):
         within = np.asarray((times >= finding.start) & (times <= finding.end))
         if (within & free).any():
             free &= ~within
@@ -728,8 +708,8 @@ def split_at_jumps(
 
 
 def replace_wind_effects(
-    catalogue: Catalogue, tables: Sequence[pd.DataFrame], *, of_simulator: bool = False
-) -> Catalogue:
+    catalogue: effects.Catalogue, tables: Sequence[pd.DataFrame], *, of_simulator: bool = False
+) -> effects.Catalogue:
     """The catalogue; where a table has no wind, a steady one in the place of the effects of a recorded one,
     of a simulator none."""
     if all(
@@ -815,19 +795,19 @@ def start_folder(
         return [write_text(folder / file, text) for file, text in texts.items()]
 
 
-def _ship_and_vessel_text(vessel: NewVessel | str | Path, folder: Path) -> tuple[Vessel, str | None]:
+def _ship_and_vessel_text(vessel: NewVessel | str | Path, folder: Path) -> tuple[vessel_files.Vessel, str | None]:
     """The ship, and the text of its vessel file; None where that need not be written."""
     with TemporaryDirectory(prefix="seatrial-init-") as scratch:
         copy = Path(scratch) / "vessel.toml"
         if isinstance(vessel, NewVessel):
             vessel.save(copy)
-            ship, exists = load_vessel(copy), False
+            ship, exists = vessel_files.load_vessel(copy), False
         else:
             file = declarations.find_vessel(vessel)
-            ship = load_vessel(file)
+            ship = vessel_files.load_vessel(file)
             if file.parent == ships.VESSELS:
                 return ship, None
-            save_vessel(ship, copy)
+            vessel_files.save_vessel(ship, copy)
             exists = file.resolve() == (folder / "vessel.toml").resolve()
         if ship.name in declarations.vessel_names():
             fix = "give yours another one with --name, or in its vessel file"
@@ -835,7 +815,7 @@ def _ship_and_vessel_text(vessel: NewVessel | str | Path, folder: Path) -> tuple
         return ship, None if exists else copy.read_text(encoding="utf-8")
 
 
-def _filled_template(file: str, name: str, ship: Vessel, controls: str) -> str:
+def _filled_template(file: str, name: str, ship: vessel_files.Vessel, controls: str) -> str:
     """A template with the names and the controls in their places."""
     words = {"NAME": name, "SHIP": json.dumps(ship.name)[1:-1], _CONTROLS: controls}
     template = (TEMPLATES / file).read_text(encoding="utf-8")
@@ -880,7 +860,7 @@ def run_demonstration(folder: Path, seed: int, say: Callable[[str], None]) -> De
     lost = {name: count - recorded.get(name, 0) for name, count in played.counts.items() if name in ships.NAMES}
     say(f"   {sum(played.counts.values()):,} values played, {sum(lost.values()):,} lost")
     say("3  check the data")
-    quality = check_recording(recording)
+    quality = check.check_recording(recording)
     good = sum(channel.grade == "good" for channel in quality.channels.values())
     codes = Counter(finding.code for finding in quality.findings)
     findings = ", ".join(f"{count} {code.replace('_', ' ')}" for code, count in codes.items())
@@ -892,8 +872,10 @@ def run_demonstration(folder: Path, seed: int, say: Callable[[str], None]) -> De
     say("5  validate the calibrator on the recorded voyage, which it has not seen")
     dataset = load_dataset([path], DEMO_HORIZON_S, STRIDE_S)
     refuse_training_data(dataset.sources, trained)
-    model = reference_model(trials_of_recordings([path]), MODEL)
-    validation = replace(validate_predictions(dataset, vessel_plant(model.vessel), trained), model=model.choice)
+    model = vessel_files.reference_model(vessel_files.trials_of_recordings([path]), MODEL)
+    validation = replace(
+        validate_predictions(dataset, effects.vessel_plant(model.vessel), trained), model=model.choice
+    )
     say("6  diagnose what the model of the ship before lacks")
     diagnosis = diagnose_to(folder / "diagnosis", path)
     for effect in diagnosis.effects:
@@ -947,10 +929,10 @@ def run_in_processes(*calls: partial[None]) -> Iterator[None]:
 
 def diagnose_to(out: Path, recording: Path) -> result.Diagnosis:
     """Diagnose a voyage against the model of the ship before; a report of its own in ``out``."""
-    vessel = load_vessel(MODEL)
+    vessel = vessel_files.load_vessel(MODEL)
     out.mkdir(exist_ok=True)
     with errors.progress_bar("diagnosing") as progress:
-        run = diagnose_files([recording], vessel, verdict.TOLERANCE, CATALOGUE, progress=progress)
+        run = diagnose_files([recording], vessel, verdict.TOLERANCE, effects.CATALOGUE, progress=progress)
     write_diagnosis(run, vessel, out)
     return run.diagnosis
 
@@ -1034,6 +1016,6 @@ def train_on_earlier(folder: str, seed: int) -> None:
         simulate_to(Path(folder, "training", f"voyage_{number}.mcap"), "voyage", TRAINING_S, seed + 99 + number)
         for number in range(1, TRAINING_VOYAGES + 1)
     ]
-    plant = vessel_plant(load_vessel(MODEL))
+    plant = effects.vessel_plant(vessel_files.load_vessel(MODEL))
     dataset = load_dataset(paths, DEMO_HORIZON_S, STRIDE_S, shorter=True)
     save(train_calibrator(dataset, MODEL, plant, seed=seed), Path(folder, "calibrator"))

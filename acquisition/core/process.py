@@ -213,7 +213,13 @@ def interrupt_on_terminate() -> Iterator[None]:
             previous_hook(dropped)
             return
         signal.signal(signal.SIGTERM, stop)
-        threading.Timer(_DROPPED_AGAIN_S, _terminate_main_thread).start()  # what is raised here is dropped, too
+        threading.Timer(_DROPPED_AGAIN_S, terminate).start()  # what is raised here is dropped, too
+
+    def terminate() -> None:
+        if hasattr(signal, "pthread_kill") and (main := threading.main_thread().ident) is not None:
+            signal.pthread_kill(main, signal.SIGTERM)  # wakes it where it waits
+        else:  # Windows
+            _thread.interrupt_main(signal.SIGTERM)
 
     previous_hook, sys.unraisablehook = sys.unraisablehook, handle_dropped
     previous = signal.signal(signal.SIGTERM, stop)
@@ -222,13 +228,6 @@ def interrupt_on_terminate() -> Iterator[None]:
     finally:
         signal.signal(signal.SIGTERM, previous)
         sys.unraisablehook = previous_hook
-
-
-def _terminate_main_thread() -> None:
-    if hasattr(signal, "pthread_kill") and (main := threading.main_thread().ident) is not None:
-        signal.pthread_kill(main, signal.SIGTERM)  # wakes it where it waits
-    else:  # Windows
-        _thread.interrupt_main(signal.SIGTERM)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

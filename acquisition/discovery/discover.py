@@ -20,8 +20,7 @@ from rich.console import RenderableType
 
 from seatrial.acquisition.config import declarations, trial_file
 from seatrial.acquisition.config.sources import CanFrames, MqttLinks
-from seatrial.acquisition.core import errors, files
-from seatrial.acquisition.core.result import terminal_table
+from seatrial.acquisition.core import errors, files, result
 from seatrial.acquisition.core.ship import MOTION, channel_names, channel_unit
 from seatrial.acquisition.core.trial import Frame, split_source_label
 from seatrial.acquisition.discovery import listen
@@ -260,7 +259,7 @@ def discovery_tables(discovery: Discovery) -> Iterator[RenderableType]:
     ):
         if rows:
             words = [number for number, title in enumerate(titles) if title not in ("frames", "rate Hz", "value")]
-            yield terminal_table(None, titles, rows, left_aligned=words, padding=(0, 1, 0, 0))
+            yield result.terminal_table(None, titles, rows, left_aligned=words, padding=(0, 1, 0, 0))
 
 
 def describe_silence(discovery: Discovery) -> str:

@@ -32,9 +32,8 @@ from seatrial.acquisition.core import errors, quantities, ship
 from seatrial.acquisition.core.files import parse_toml, read_text
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.protocols import can_frames, clock, mavlink, mqtt, nmea0183, nmea2000
-from seatrial.acquisition.sources import make_source
+from seatrial.acquisition.sources import log_formats, make_source
 from seatrial.acquisition.sources.lines import LineAssembler
-from seatrial.acquisition.sources.log_formats import LINE_FORMS, LineReader, LogEntry, StreamCutter, is_message
 
 BAUD_RATES = (4_800, 38_400, 115_200, 9_600, 57_600, 230_400, 19_200, 460_800)
 """Baud rates of serial lines, the usual ones first: NMEA 0183, its fast form, gateways and autopilots."""
@@ -262,11 +261,11 @@ def _count_valid_bytes(chunks: Sequence[bytes], *, is_datagram: bool = False) ->
 
 def detect_gateway_format(received: bytes) -> str:
     """The form in which a gateway sends NMEA 2000, by its lines; empty if none fits."""
-    any_form = LineReader()
-    readers = {name: LineReader(name) for name in LINE_FORMS}
+    any_form = log_formats.LineReader()
+    readers = {name: log_formats.LineReader(name) for name in log_formats.LINE_FORMS}
     fits: Counter[str] = Counter()
-    for message in StreamCutter().push(received + b"\n"):
-        if is_message(message):
+    for message in log_formats.StreamCutter().push(received + b"\n"):
+        if log_formats.is_message(message):
             fits["actisense"] += 1
         elif _is_can_entry(any_form.entry(message)):
             fits.update(name for name, reader in readers.items() if _is_can_entry(reader.entry(message)))
@@ -275,7 +274,7 @@ def detect_gateway_format(received: bytes) -> str:
     return fits.most_common(1)[0][0] if fits else ""
 
 
-def _is_can_entry(entry: LogEntry | None) -> bool:
+def _is_can_entry(entry: log_formats.LogEntry | None) -> bool:
     return entry is not None and entry.protocol == "can"
 
 

@@ -24,9 +24,8 @@ from seatrial.acquisition.core import process
 from seatrial.acquisition.core.errors import ConfigurationError, StorageError, storage_error
 from seatrial.acquisition.core.trial import Frame, wall_and_monotonic_ns
 from seatrial.acquisition.logger.health import LOG, SILENT_NS, CopyState, Health, kernel_clock_state
-from seatrial.acquisition.recording import writer
+from seatrial.acquisition.recording import reader, writer
 from seatrial.acquisition.recording.parts import RecordingParts, Tell, recording_parts_in_folder
-from seatrial.acquisition.recording.reader import NEW_PART_NS
 
 STEP_NS = 100_000_000  # what NTP corrects without a step is less; so is what a busy computer can feign
 _SLEW_FRACTION = 500e-6  # the fastest that a kernel's clock is slewed
@@ -75,14 +74,14 @@ class Timescale:
         limit_ns = int((monotonic_ns - self._followed_ns) * _SLEW_FRACTION)
         self._followed_ns = monotonic_ns
         behind_ns = wall_offset_ns - self.offset_ns
-        if abs(behind_ns) < NEW_PART_NS:
+        if abs(behind_ns) < reader.NEW_PART_NS:
             self.offset_ns += max(-limit_ns, min(limit_ns, behind_ns))
         return step_ns if abs(step_ns) >= STEP_NS else 0
 
     @property
     def is_beyond_following(self) -> bool:
         """Whether the wall clock has moved too far to be followed slowly."""
-        return abs(self._wall_offset_ns - self.offset_ns) >= NEW_PART_NS
+        return abs(self._wall_offset_ns - self.offset_ns) >= reader.NEW_PART_NS
 
     def adopt_wall_clock(self) -> None:
         """Take the wall clock's time from now on."""

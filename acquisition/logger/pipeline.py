@@ -17,17 +17,8 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 
 from seatrial.acquisition.config.trial_file import TrialConfig
-from seatrial.acquisition.core.errors import SeatrialError, SourceError
-from seatrial.acquisition.core.process import start_thread_if_possible
-from seatrial.acquisition.core.trial import Frame, FrameFlag, wall_and_monotonic_ns
-from seatrial.acquisition.logger.health import (
-    LIVE_VIEW,
-    ChannelHealth,
-    Health,
-    Predictions,
-    SinkHealth,
-    SourceHealth,
-)
+from seatrial.acquisition.core import errors, process, trial
+from seatrial.acquisition.logger import health as monitoring
 from seatrial.acquisition.logger.maintenance import Maintenance, Timescale
 from seatrial.acquisition.logger.processing import FrameProcessor
 from seatrial.acquisition.recording.parts import RecordingParts, Tell
@@ -61,18 +52,20 @@ _OVER_BUDGET = "over its budget of {:,.0f} kB/s by {{:,}} frames"
 _SETTLED_S = 5.0  # a source that stays open so long is well, even if it sends nothing
 
 
-def initial_health(config: TrialConfig) -> Health:
+def initial_health(config: TrialConfig) -> monitoring.Health:
     """The state of a recording that has not begun, with the sources, sinks and channels of a configuration."""
-    sources = {section.name: SourceHealth(section.name) for section in config.sources}
-    health = Health(sources, config.watched_channels, config.known_channels)
-    health.sinks = {sink.name: SinkHealth(sink.name, deque(maxlen=sink.queue_values)) for sink in config.sinks}
+    sources = {section.name: monitoring.SourceHealth(section.name) for section in config.sources}
+    health = monitoring.Health(sources, config.watched_channels, config.known_channels)
+    health.sinks = {
+        sink.name: monitoring.SinkHealth(sink.name, deque(maxlen=sink.queue_values)) for sink in config.sinks
+    }
     if config.live is not None:
-        health.sinks[LIVE_VIEW] = SinkHealth(LIVE_VIEW)
+        health.sinks[monitoring.LIVE_VIEW] = monitoring.SinkHealth(monitoring.LIVE_VIEW)
     for name in config.expected_channels:
-        health.channels.setdefault(name, ChannelHealth())
+        health.channels.setdefault(name, monitoring.ChannelHealth())
     for source in reversed(config.sources):
         for name, rate_hz in source.rates_hz.items():
-            health.channels.setdefault(name, ChannelHealth()).expected_hz = rate_hz
+            health.channels.setdefault(name, monitoring.ChannelHealth()).expected_hz = rate_hz
     return health
 
 
@@ -86,11 +79,11 @@ class Recorder:
         self._config = config
         self._parts = parts
         self.health = initial_health(config)
-        self._scale = scale or Timescale(*wall_and_monotonic_ns())
+        self._scale = scale or Timescale(*trial.wall_and_monotonic_ns())
         self._processing = FrameProcessor(config, parts, self.health)
         self._inbox = Inbox(self.health.sources, config.recording.queue_frames)
         self._texts: queue.SimpleQueue[tuple[int, str, str, str]] = queue.SimpleQueue()
-        self.predictions = Predictions(self.health)
+        self.predictions = monitoring.Predictions(self.health)
         self._stopping = threading.Event()
         self._all_received = threading.Event()
         self._failure: Exception | None = None
@@ -115,20 +108,20 @@ class Recorder:
         for receiver in receivers:
             thread = threading.Thread(target=receiver.run, name=receiver.source.name, daemon=True)
             self._threads.append(thread)
-            if start_thread_if_possible(thread):
+            if process.start_thread_if_possible(thread):
                 running.append(receiver)
             else:
                 self._unstarted.append(thread)
                 self.submit_event("error", f"{thread.name}: {NO_THREAD}; it is tried again every second")
-        error: SourceError | None = SourceError(NO_THREAD, where="the sources", fix=_MORE_THREADS)
+        error: errors.SourceError | None = errors.SourceError(NO_THREAD, where="the sources", fix=_MORE_THREADS)
         if running:
             while not any(receiver.opened for receiver in running):
                 if all(receiver.tried.is_set() for receiver in running):
                     break
                 time.sleep(_LOOK_S)
             error = None if any(receiver.opened for receiver in running) else running[0].open_error
-        if error is None and not start_thread_if_possible(self._worker):
-            error = SourceError(NO_THREAD, where="the recorder", fix=_MORE_THREADS)
+        if error is None and not process.start_thread_if_possible(self._worker):
+            error = errors.SourceError(NO_THREAD, where="the recorder", fix=_MORE_THREADS)
         if error is not None:
             self._stopping.set()
             raise error
@@ -230,7 +223,7 @@ class Recorder:
             return
         self._tried_s = time.monotonic()
         for thread in tuple(self._unstarted):
-            if not self._stopping.is_set() and start_thread_if_possible(thread):
+            if not self._stopping.is_set() and process.start_thread_if_possible(thread):
                 self._unstarted.remove(thread)
                 self.submit_event("warning", f"{thread.name}: the system has a thread for this source again")
 
@@ -272,7 +265,7 @@ class Inbox:
         self._quota = quota
         self._quota_bytes = max(_WAITING_BYTES // max(len(self._lines), 1), _LEAST_WAITING_BYTES)
 
-    def put(self, source: str, frames: list[Frame]) -> int:
+    def put(self, source: str, frames: list[trial.Frame]) -> int:
         """Take in what the source's quota has room for, and return how many frames that is."""
         line = self._lines[source]
         room = max(self._quota - len(line.frames), 0)
@@ -285,9 +278,9 @@ class Inbox:
         line.frames.extend(admitted)
         return len(admitted)
 
-    def take(self) -> list[Frame]:
+    def take(self) -> list[trial.Frame]:
         """What waits, in the order of reception; of each source a limited number."""
-        frames: list[Frame] = []
+        frames: list[trial.Frame] = []
         for line in self._lines.values():
             size = 0
             for _ in range(min(len(line.frames), _MOST_AT_ONCE)):
@@ -309,7 +302,7 @@ class Inbox:
 class _Line:
     """What waits of one source. Each of the two counts is written by one thread only."""
 
-    frames: deque[Frame] = field(default_factory=deque)
+    frames: deque[trial.Frame] = field(default_factory=deque)
     bytes_in: int = 0
     bytes_out: int = 0
 
@@ -321,7 +314,7 @@ class RateBudget:
         self.bytes_per_s = bytes_per_s
         self._budget_bytes, self._looked_s = bytes_per_s * _SAVED_S, now_s
 
-    def count_admitted_frames(self, frames: list[Frame], now_s: float) -> int:
+    def count_admitted_frames(self, frames: list[trial.Frame], now_s: float) -> int:
         """How many of the frames, from the first on, it has room for."""
         earned = self.bytes_per_s * (now_s - self._looked_s)
         self._budget_bytes = min(self._budget_bytes + earned, self.bytes_per_s * _SAVED_S)
@@ -340,7 +333,7 @@ class Receiver:
     def __init__(
         self,
         source: Source,
-        health: SourceHealth,
+        health: monitoring.SourceHealth,
         inbox: Inbox,
         stopping: threading.Event,
         tell: Tell,
@@ -363,7 +356,7 @@ class Receiver:
         self._still_s, self._late, self._catches_up_s = 0.0, 0, 0.0
         self.tried = threading.Event()
         self.opened = False
-        self.open_error: SourceError | None = None
+        self.open_error: errors.SourceError | None = None
 
     def run(self) -> None:
         """Receive until ``stopping`` is set, or until the source says that nothing more will come."""
@@ -404,7 +397,7 @@ class Receiver:
             self._report_losses(template)
         self.close()
 
-    def _mark_delayed_frames(self, frames: list[Frame], began_s: float, ended_s: float) -> list[Frame]:
+    def _mark_delayed_frames(self, frames: list[trial.Frame], began_s: float, ended_s: float) -> list[trial.Frame]:
         """The frames, marked if they waited while the recorder stood still, or while it catches up after that.
 
         A read that took longer than it may, or began long after the one before, shows that it stood still.
@@ -418,7 +411,7 @@ class Receiver:
             return frames
         if not getattr(self.source, "exact", False):
             self._late += len(frames)
-            frames = [frame._replace(flags=frame.flags | FrameFlag.LATE) for frame in frames]
+            frames = [frame._replace(flags=frame.flags | trial.FrameFlag.LATE) for frame in frames]
         if getattr(self.source, "behind", False) or ended_s < self._catches_up_s:
             return frames
         if self._still_s > _SHORTEST_STILL_S:
@@ -447,7 +440,7 @@ class Receiver:
         except Exception as error:  # a cable that was pulled may refuse even this
             self._tell("warning", str(as_source_error(self.source, error)))
 
-    def _pass_to_inbox(self, frames: list[Frame]) -> None:
+    def _pass_to_inbox(self, frames: list[trial.Frame]) -> None:
         """Put into the inbox what the budget has room for, and report what is dropped."""
         self._health.add_frames(len(frames), frames[-1].monotonic_ns)
         admitted = self._budget.count_admitted_frames(frames, time.monotonic())
@@ -477,16 +470,16 @@ class Receiver:
     def _report_losses(self, template: str) -> None:
         self._tell("error", f"{self._health.name}: {template.format(self._unreported.pop(template))}")
 
-    def _note_failure(self, error: SourceError) -> None:
+    def _note_failure(self, error: errors.SourceError) -> None:
         if self._health.failed_ns is None:
             self._health.failed_ns = time.monotonic_ns()
             self._tell("error", str(error))
         self._health.state = "failed"
 
 
-def as_source_error(source: Source, error: Exception) -> SourceError:
+def as_source_error(source: Source, error: Exception) -> errors.SourceError:
     """What a driver raised, as an error of ours."""
-    if isinstance(error, SourceError):
+    if isinstance(error, errors.SourceError):
         return error
-    reason = str(error) if isinstance(error, SeatrialError) else f"{type(error).__name__} {error}"
-    return SourceError("failed", where=f"source {source.name!r}", why=reason)
+    reason = str(error) if isinstance(error, errors.SeatrialError) else f"{type(error).__name__} {error}"
+    return errors.SourceError("failed", where=f"source {source.name!r}", why=reason)

@@ -21,8 +21,7 @@ from seatrial.acquisition.core import quantities
 from seatrial.acquisition.core import trial as trials
 from seatrial.acquisition.core.ship import BY_NAME, Channel, channels_of_trial
 from seatrial.acquisition.logger.health import LOG, SILENT_NS, Handover, Handovers, Health
-from seatrial.acquisition.protocols import NO_SATELLITES, Decoder, decoders_by_protocol
-from seatrial.acquisition.protocols.mqtt import split_device_and_signal
+from seatrial.acquisition.protocols import NO_SATELLITES, Decoder, decoders_by_protocol, mqtt
 from seatrial.acquisition.recording.messages import MessageSink
 
 _VARIATION_ERROR_DEG = 1.0  # twice what the World Magnetic Model's declination errs by, as its makers say (0.4 deg)
@@ -320,7 +319,7 @@ class Selector:
             for rank, device in enumerate(source.devices)
         }
         self._mapped = {
-            (source.name, split_device_and_signal(entry.topic)[0], channel)
+            (source.name, mqtt.split_device_and_signal(entry.topic)[0], channel)
             for source in sources
             if isinstance(source, MqttLinks)
             for channel, entry in source.values.items()

@@ -44,15 +44,7 @@ from rich.text import Text
 
 from seatrial.acquisition.config.sources import FILE_SOURCES, LiveSection, StatusSection
 from seatrial.acquisition.config.trial_file import TrialConfig
-from seatrial.acquisition.core import process, ship
-from seatrial.acquisition.core.errors import (
-    ConfigurationError,
-    SeatrialError,
-    SourceError,
-    Terminal,
-    escape_control_characters,
-)
-from seatrial.acquisition.core.result import terminal_table
+from seatrial.acquisition.core import errors, process, result, ship
 from seatrial.acquisition.core.trial import NANO, Frame, Trial, iso_utc, wall_and_monotonic_ns
 from seatrial.acquisition.logger import health as monitoring
 from seatrial.acquisition.logger import maintenance, pipeline, requests, sinks, survey, viewers
@@ -124,7 +116,7 @@ class Picture:
 
 
 def _one_line_text(*parts: str | tuple[str, str]) -> Text:
-    return Text.assemble(*escape_control_characters(parts), no_wrap=True, overflow="ellipsis")
+    return Text.assemble(*errors.escape_control_characters(parts), no_wrap=True, overflow="ellipsis")
 
 
 def _status_line(health: monitoring.Health, marks: Mapping[str, str] | None) -> Text:
@@ -245,7 +237,7 @@ def preflight_table(report: survey.PreflightReport) -> Group:
         source = Text(channel.problem, "red") if channel.problem else Text(channel.source, "dim")
         rows.append((good, channel.name, rate, value, channel.unit, source))
     columns = ("", "channel", "rate Hz", "value", "unit", "source, or what is wrong")
-    table = terminal_table(None, columns, rows, left_aligned=(0, 1, 4, 5), padding=(0, 1, 0, 0))
+    table = result.terminal_table(None, columns, rows, left_aligned=(0, 1, 4, 5), padding=(0, 1, 0, 0))
     lines = [Text(text, "yellow") for text in report.events]
     for name, answer in report.sinks.items():
         is_good = not answer or answer.startswith("(")
@@ -295,7 +287,7 @@ class LiveView:
         except ImportError as error:
             fix = "pip install 'seatrial[live]'"
             self.health.state, self.health.error = "failed", "foxglove-sdk is not installed"
-            raise ConfigurationError("the live view needs the package foxglove-sdk", fix=fix) from error
+            raise errors.ConfigurationError("the live view needs the package foxglove-sdk", fix=fix) from error
         self._sdk, self._context = foxglove, foxglove.Context()
         address, port = self._settings.address, self._settings.port
         # An address of this computer alone that no page can guess: one of 16 million, with a port of 28,000. Only
@@ -317,7 +309,7 @@ class LiveView:
             reason = getattr(error, "strerror", "") or str(error)
             fix = "stop the program that uses the port, or give another in [live]"
             self.health.state, self.health.error = "failed", reason
-            raise SourceError(problem, why=reason, fix=fix) from error
+            raise errors.SourceError(problem, why=reason, fix=fix) from error
         self.health.state = "open"
         return self
 
@@ -350,7 +342,7 @@ class LiveView:
 
 def status_page_html(picture: Picture, title: str) -> str:
     """What the terminal shows, as a page."""
-    console = Terminal(record=True, file=io.StringIO(), width=_COLUMNS, height=_ROWS, force_terminal=True)
+    console = errors.Terminal(record=True, file=io.StringIO(), width=_COLUMNS, height=_ROWS, force_terminal=True)
     console.print(picture)
     body = console.export_html(inline_styles=True, code_format="{code}")
     return _PAGE.format(title=html.escape(title), body=body)
@@ -394,7 +386,7 @@ class StatusPage:
         except OSError as error:
             problem = f"the status page cannot be served on {requests.LOOPBACK}:{self._settings.port}"
             fix = "stop the program that uses the port, or give another in [status]"
-            raise SourceError(problem, why=str(error.strerror), fix=fix) from error
+            raise errors.SourceError(problem, why=str(error.strerror), fix=fix) from error
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -469,7 +461,7 @@ def _record_live(
             recorder = pipeline.Recorder(config, parts, scale)
             parts.sample_listeners += passing_on.start(recorder.health.sinks, recorder.submit_event)
             recorder.start()  # from now on values come, and none is before those who listen
-        except (ConfigurationError, SourceError):
+        except (errors.ConfigurationError, errors.SourceError):
             stack.pop_all()
             passing_on.stop()
             parts.delete_everything_written()
@@ -553,7 +545,7 @@ def _record_files(
                     _report_reading_faults(source, health.sources[source.name], reading)
                 reading.report_sources()
                 reading.note_event("info", "recording stopped")
-        except (ConfigurationError, SourceError):
+        except (errors.ConfigurationError, errors.SourceError):
             if not any(source.frames for source in health.sources.values()):
                 stack.pop_all()
                 parts.delete_everything_written()
@@ -578,7 +570,7 @@ def _enter_optional_context(
     """Enter what a recording can do without; where it is unavailable, report it and record all the same."""
     try:
         stack.enter_context(extra)
-    except (SeatrialError, OSError, RuntimeError) as error:  # the last: no thread
+    except (errors.SeatrialError, OSError, RuntimeError) as error:  # the last: no thread
         recorder.submit_event("warning", str(error))
         return False
     return True
@@ -590,7 +582,7 @@ def _show_on_terminal(picture: Picture, recorder: pipeline.Recorder) -> Iterator
         yield
         return
     # screen: a window that is resized leaves no debris, and the terminal is restored
-    live = Live(picture, console=Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
+    live = Live(picture, console=errors.Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
     with set_marks_on_keys(recorder.mark, picture.marks or {}), live:
         yield
 

@@ -26,11 +26,8 @@ from urllib.parse import quote
 
 import orjson
 
-from seatrial.acquisition.config.sinks import AnySink, InfluxSink, MqttSink
-from seatrial.acquisition.config.trial_file import TrialConfig
-from seatrial.acquisition.core.errors import ConfigurationError, SeatrialError, SourceError, system_reason
-from seatrial.acquisition.core.files import read_secret
-from seatrial.acquisition.core.ship import Channel
+from seatrial.acquisition.config import trial_file
+from seatrial.acquisition.core import errors, files, ship
 from seatrial.acquisition.core.trial import NANO, Sample
 from seatrial.acquisition.logger.health import SinkHealth
 from seatrial.acquisition.protocols.mqtt import format_time
@@ -50,7 +47,7 @@ _MALFORMED = (400, 413, 422)
 """A server's answers that would be the same to the same lines."""
 
 
-class RejectedError(SourceError):
+class RejectedError(errors.SourceError):
     """A peer has read the values and will never take them."""
 
 
@@ -84,7 +81,7 @@ class SinkLink(ABC):
 class InfluxLines:
     """Values as lines of InfluxDB's protocol."""
 
-    def __init__(self, section: InfluxSink, trial: str) -> None:
+    def __init__(self, section: trial_file.InfluxSink, trial: str) -> None:
         measurement = _escape(section.measurement).replace(r"\=", "=")  # which need no escape there
         self._head = f"{measurement},trial={_escape(trial)}"
 
@@ -107,7 +104,7 @@ def _escape(text: str) -> str:
 class InfluxServer(SinkLink):
     """A server of InfluxDB over HTTP; the connection is kept, and opened again where the server has closed it."""
 
-    def __init__(self, section: InfluxSink, trial: str) -> None:
+    def __init__(self, section: trial_file.InfluxSink, trial: str) -> None:
         self._section, self._lines = section, InfluxLines(section, trial)
         self._http: http.client.HTTPConnection | None = None
         self._token = ""
@@ -118,9 +115,9 @@ class InfluxServer(SinkLink):
 
     def open(self) -> None:
         section, place = self._section, self._section.place
-        self._token = (read_secret(section.token_variable, section.token_file) or "").strip()
+        self._token = (files.read_secret(section.token_variable, section.token_file) or "").strip()
         if self._token and not _TOKEN.fullmatch(self._token):
-            raise ConfigurationError("its token has letters that no header carries")
+            raise errors.ConfigurationError("its token has letters that no header carries")
         assert place.hostname is not None
         if place.scheme == "https":
             context = ssl.create_default_context(cafile=section.ca_file)
@@ -153,7 +150,7 @@ class InfluxServer(SinkLink):
             status, reason, text = self._exchange(body)
         if 200 <= status < 300:
             return
-        kind = RejectedError if status in _MALFORMED else SourceError
+        kind = RejectedError if status in _MALFORMED else errors.SourceError
         raise kind(f"the server answers {status} {reason}", why=text)
 
     def _exchange(self, body: bytes) -> tuple[int, str, str]:
@@ -186,7 +183,7 @@ class InfluxServer(SinkLink):
 class InfluxPort(SinkLink):
     """A TCP connection or a UDP port that takes lines, such as Telegraf's."""
 
-    def __init__(self, section: InfluxSink, trial: str) -> None:
+    def __init__(self, section: trial_file.InfluxSink, trial: str) -> None:
         self._section, self._lines = section, InfluxLines(section, trial)
         self._socket: socket.socket | None = None
 
@@ -238,7 +235,7 @@ class BrokerTopics(SinkLink):
 
     period_s = 0.1
 
-    def __init__(self, section: MqttSink, channels: Mapping[str, Channel]) -> None:
+    def __init__(self, section: trial_file.MqttSink, channels: Mapping[str, ship.Channel]) -> None:
         import paho.mqtt.client  # noqa: F401 - in the sink's thread it would hold up the receivers for 0.4 s
 
         from seatrial.acquisition.sources import lines
@@ -256,7 +253,7 @@ class BrokerTopics(SinkLink):
             until_s = time.monotonic() + _ANSWER_S
             while self._client.want_write():  # or what the broker does not take would wait in memory without end
                 if time.monotonic() > until_s:
-                    raise SourceError("the broker takes nothing")
+                    raise errors.SourceError("the broker takes nothing")
                 self.keep_alive(0.1)
         self.keep_alive()
 
@@ -276,16 +273,16 @@ class BrokerTopics(SinkLink):
             self._client = None
 
 
-def make_link(section: AnySink, trial: str, channels: Mapping[str, Channel]) -> SinkLink:
+def make_link(section: trial_file.AnySink, trial: str, channels: Mapping[str, ship.Channel]) -> SinkLink:
     """The connection of a sink, not yet open."""
-    if isinstance(section, MqttSink):
+    if isinstance(section, trial_file.MqttSink):
         return BrokerTopics(section, channels)
     return (InfluxServer if section.over_http else InfluxPort)(section, trial)
 
 
 def failure_text(error: BaseException) -> str:
     """Why a sink failed, in a line."""
-    if isinstance(error, SeatrialError):
+    if isinstance(error, errors.SeatrialError):
         return str(error.at("")) if error.where.startswith("sink ") else str(error)
     if isinstance(error, ssl.SSLCertVerificationError):
         return f"its certificate cannot be trusted: {error.verify_message}"
@@ -293,13 +290,13 @@ def failure_text(error: BaseException) -> str:
         return "it does not answer in time"
     if isinstance(error, http.client.HTTPException):  # whose text may be anything that the peer has sent
         return "what answers speaks no HTTP"
-    return system_reason(error) or f"{type(error).__name__} {error}"[:_MOST_LETTERS]
+    return errors.system_reason(error) or f"{type(error).__name__} {error}"[:_MOST_LETTERS]
 
 
 class LiveSink:
     """One sink at work: :meth:`offer` is for the recorder's thread, all else for the sink's own."""
 
-    def __init__(self, section: AnySink, link: SinkLink, health: SinkHealth, tell: Tell) -> None:
+    def __init__(self, section: trial_file.AnySink, link: SinkLink, health: SinkHealth, tell: Tell) -> None:
         self.health, self._link, self._tell = health, link, tell
         self._wanted = frozenset(section.channels)
         self._interval_ns = round(NANO / section.rate_hz)
@@ -412,7 +409,7 @@ class LiveSink:
 class Sinks:
     """All sinks of a recording; made before it begins, as what they import takes a while."""
 
-    def __init__(self, config: TrialConfig) -> None:
+    def __init__(self, config: trial_file.TrialConfig) -> None:
         self._links = [(section, make_link(section, config.trial.name, config.known_channels))
                        for section in config.sinks]  # fmt: skip
         self._sinks: list[LiveSink] = []
@@ -439,14 +436,14 @@ class Sinks:
             sink.join(max(until_s - time.monotonic(), 0.0))
 
 
-def check_sinks(config: TrialConfig) -> dict[str, str]:
+def check_sinks(config: trial_file.TrialConfig) -> dict[str, str]:
     """What is wrong with each sink, an empty text where it can be written to; nothing is written.
 
     A remark in brackets is no fault.
     """
     answers: dict[str, str] = {}
 
-    def check(section: AnySink) -> None:
+    def check(section: trial_file.AnySink) -> None:
         link = make_link(section, config.trial.name, config.known_channels)
         try:
             link.open()

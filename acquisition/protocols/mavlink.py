@@ -25,8 +25,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from seatrial.acquisition.config import declarations, sources
 from seatrial.acquisition.core import quantities, ship, trial
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.protocols import BAD_DATA, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
-from seatrial.acquisition.protocols.clock import SourceClock, is_possible_time
+from seatrial.acquisition.protocols import BAD_DATA, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet, clock
 
 Values = list[tuple[str, float]]
 UNKNOWN_VELOCITY = 32_767
@@ -181,7 +180,7 @@ class MavlinkDecoder(Decoder):
         """Raises :class:`ConfigurationError` where ``messages`` names one that is not read, or a declared channel
         an unknown one."""
         super().__init__()
-        self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
+        self.clock = clock.SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
         channels = ship.channels_with_declared(tuple(declaration.channel for declaration in declared))
         self._declared = DeclaredMessages(
@@ -341,7 +340,7 @@ class MavlinkDecoder(Decoder):
                         self.notices.append(("warning", text))
         elif hasattr(message, "time_usec"):
             since_ns = int(message.time_usec) * _MICRO_NS or None  # 0: it does not state it
-            if since_ns is not None and is_possible_time(since_ns):
+            if since_ns is not None and clock.is_possible_time(since_ns):
                 return since_ns
             if since_ns is not None and since_ns // _MILLI_NS < self._last_boot_ms.get(sender, 0) - _LATEST_FIX_MS:
                 return None  # it has restarted, and has not stated yet when

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 import orjson
 
 from seatrial.acquisition.config.sources import PAIRS, MqttLinks, TopicValue
-from seatrial.acquisition.core import errors, quantities, ship
-from seatrial.acquisition.core.trial import EPOCH, NANO, Frame, FrameFlag, Group, Sample
+from seatrial.acquisition.core import errors, quantities, ship, trial
 from seatrial.acquisition.protocols import Decoder, Moment, Packet
 from seatrial.acquisition.protocols.clock import SENTENCE_WITH_PREFIX, SourceClock, parse_utc_ns
 from seatrial.acquisition.protocols.nmea0183 import Nmea0183Decoder, Nmea0183Encoder, has_sentence
@@ -138,13 +137,13 @@ class MqttDecoder(Decoder):
             channel: entry.conversion_to_channel(channels[channel]) for channel, entry in config.values.items()
         }
         self._partners = {name: _PARTNERS[name] for name in config.values if _PARTNERS.get(name) in config.values}
-        self._waiting: dict[str, Sample] = {}
+        self._waiting: dict[str, trial.Sample] = {}
         self._seen: dict[int, None] = {}  # by hash
         self._sentence_topics: set[int] = set()  # by hash: one may have 64 kB
         self._unit_checked: set[str] = set()
 
-    def decode(self, frame: Frame) -> list[Group]:
-        if frame.flags & FrameFlag.RETAINED:
+    def decode(self, frame: trial.Frame) -> list[trial.Group]:
+        if frame.flags & trial.FrameFlag.RETAINED:
             self.refused["retained by the broker, of unknown age"] += 1
             return []
         if hash(frame.payload) in self._seen:
@@ -173,7 +172,7 @@ class MqttDecoder(Decoder):
             groups += self._sentences.decode_line(frame, sentences, time_ns)
         return groups
 
-    def _decode_values(self, frame: Frame, topic: str, text: str) -> list[Group]:
+    def _decode_values(self, frame: trial.Frame, topic: str, text: str) -> list[trial.Group]:
         """The channels of a topic in a message, a group for pairs that come together."""
         samples = []
         device, signal = split_device_and_signal(topic)
@@ -230,7 +229,7 @@ class MqttDecoder(Decoder):
         if len(self._seen) > _REMEMBERED:
             del self._seen[next(iter(self._seen))]
 
-    def _group_pairs(self, samples: Group) -> list[Group]:
+    def _group_pairs(self, samples: trial.Group) -> list[trial.Group]:
         """The samples, pairs in one group; the first of a pair that comes separately waits for the second."""
         by_name = {sample.quantity: sample for sample in samples}
         groups = []
@@ -252,7 +251,7 @@ class MqttDecoder(Decoder):
         return groups
 
 
-def _pair_wind_samples(first: Sample, second: Sample) -> Group:
+def _pair_wind_samples(first: trial.Sample, second: trial.Sample) -> trial.Group:
     return [
         sample._replace(quantity=_APPARENT_WIND.get(sample.quantity, sample.quantity)) for sample in (first, second)
     ]
@@ -264,9 +263,9 @@ def format_time(time_ns: int) -> str:
     >>> format_time(1699004462769765000), format_time(1)
     ('2023-11-03T09:41:02.769765Z', '1970-01-01T00:00:00.000000001Z')
     """
-    seconds, nanoseconds = divmod(time_ns, NANO)
+    seconds, nanoseconds = divmod(time_ns, trial.NANO)
     fraction = f"{nanoseconds:09d}".removesuffix("000")
-    return f"{EPOCH + timedelta(seconds=seconds):%Y-%m-%dT%H:%M:%S}.{fraction}Z"
+    return f"{trial.EPOCH + timedelta(seconds=seconds):%Y-%m-%dT%H:%M:%S}.{fraction}Z"
 
 
 class MqttEncoder:

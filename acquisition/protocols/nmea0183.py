@@ -29,18 +29,7 @@ from typing import Any, Literal, NamedTuple
 
 from seatrial.acquisition.config.declarations import SentenceField, Transducer
 from seatrial.acquisition.config.sources import Clock, LineSource, MqttLinks, Thrusters
-from seatrial.acquisition.core import errors, ship
-from seatrial.acquisition.core.quantities import KNOT_MPS, Linear
-from seatrial.acquisition.core.trial import (
-    EPOCH,
-    NANO,
-    Fix,
-    Frame,
-    Group,
-    Quality,
-    line_and_device,
-    safe_source_label,
-)
+from seatrial.acquisition.core import errors, quantities, ship, trial
 from seatrial.acquisition.protocols import NO_SATELLITES, DeclaredReaders, Decoder, FurtherSenders, Moment, Packet
 from seatrial.acquisition.protocols.clock import (
     InterleavedSources,
@@ -83,7 +72,7 @@ _NUMBER = re.compile(r"[+-]?(\d{1,9}(\.\d*)?|\.\d+)")
 _DEGREES_AND_MINUTES = re.compile(r"(\d{1,3})([0-5]\d(?:\.\d*)?)")
 _TIME_OF_DAY = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d*)?|60(?:\.\d*)?)")
 _SIGNS = {"N": 1.0, "S": -1.0, "E": 1.0, "W": -1.0}
-MPS_OF_UNIT = {"N": KNOT_MPS, "K": 1.0 / 3.6, "M": 1.0, "S": 0.44704}  # S: statute miles per hour
+MPS_OF_UNIT = {"N": quantities.KNOT_MPS, "K": 1.0 / 3.6, "M": 1.0, "S": 0.44704}  # S: statute miles per hour
 NOT_VALID = "not marked valid"
 _BEST_MODES = "RFPDAEMSN"
 _FIX_OF_MODE = {"N": 0, "A": 1, "D": 2, "P": 3, "R": 4, "F": 5, "E": 6, "M": 7, "S": 8}
@@ -129,8 +118,8 @@ def split_tag_block(line: bytes) -> TaggedSentence:
     if _MILLISECONDS.fullmatch(text):
         time_ns = int(text) * 1_000_000
     elif seconds := _SECONDS.fullmatch(text):
-        time_ns = int(seconds[1]) * NANO + int((seconds[2] or "").ljust(9, "0"))
-    return TaggedSentence(line[match.end() :], time_ns, safe_source_label(items.get("s", "")))
+        time_ns = int(seconds[1]) * trial.NANO + int((seconds[2] or "").ljust(9, "0"))
+    return TaggedSentence(line[match.end() :], time_ns, trial.safe_source_label(items.get("s", "")))
 
 
 def split_sentence(line: bytes, *, unchecked: bool = False) -> tuple[str, list[str]] | None:
@@ -188,7 +177,7 @@ class _Field(NamedTuple):
 
     channel: ship.Channel
     origin: SentenceField
-    step: Linear
+    step: quantities.Linear
 
     def read(self, fields: Fields) -> SentenceReading:
         for place, required in self.origin.when.items():
@@ -208,7 +197,7 @@ class _Transducer(NamedTuple):
 
     channel: ship.Channel
     name: str
-    steps: Mapping[str, Linear]
+    steps: Mapping[str, quantities.Linear]
 
     def read(self, fields: Fields) -> SentenceReading:
         for place in range(0, len(fields) - 3, 4):
@@ -287,12 +276,12 @@ class Nmea0183Decoder(Decoder):
         self._readers = motion_readers(theoretical_wind) | machinery
         self._declared = DeclaredSentences(declared)
 
-    def decode(self, frame: Frame) -> list[Group]:
+    def decode(self, frame: trial.Frame) -> list[trial.Group]:
         return self.decode_line(frame, frame.payload)
 
-    def decode_line(self, frame: Frame, line: bytes, time_ns: int | None = None) -> list[Group]:
+    def decode_line(self, frame: trial.Frame, line: bytes, time_ns: int | None = None) -> list[trial.Group]:
         """The samples in a line that came in a frame; ``time_ns`` is the time that the log states beside it."""
-        groups: list[Group] = []
+        groups: list[trial.Group] = []
         parts, sender = split_into_sentences_and_rest(line), self._senders.label(frame.sender)
         for part in parts:
             tagged = split_tag_block(part)
@@ -300,7 +289,7 @@ class Nmea0183Decoder(Decoder):
             groups += self._decode(frame, tagged, sender, alone=len(parts) == 1)
         return groups
 
-    def _decode(self, frame: Frame, tagged: TaggedSentence, sender: str, *, alone: bool) -> list[Group]:
+    def _decode(self, frame: trial.Frame, tagged: TaggedSentence, sender: str, *, alone: bool) -> list[trial.Group]:
         """The samples in a sentence; one without a checksum that is not alone in its line was cut off."""
         sentence = split_sentence(tagged.sentence, unchecked=self._unchecked and alone)
         if not tagged.sound:
@@ -317,7 +306,7 @@ class Nmea0183Decoder(Decoder):
             self.refused["no talker and kind"] += 1
             return []
         talker, kind = ("P", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])  # P: proprietary
-        groups: list[Group] = []
+        groups: list[trial.Group] = []
         device = ".".join(filter(None, (tagged.source, sender)))
         if kind not in self._readers and kind not in self._declared:
             self.count_unknown_message(tag)
@@ -338,8 +327,8 @@ class Nmea0183Decoder(Decoder):
         return groups
 
     def _group_reading(
-        self, reading: SentenceReading, frame: Frame, talker: str, kind: str, device: str
-    ) -> list[Group]:
+        self, reading: SentenceReading, frame: trial.Frame, talker: str, kind: str, device: str
+    ) -> list[trial.Group]:
         """The values of a sentence, under the line, its talker, the ``device`` behind a gateway if it is named, the
         sentence, and its meaning if it has several: ``line/II:MWV apparent``, ``line/GP@GN01:GGA``.
 
@@ -355,15 +344,15 @@ class Nmea0183Decoder(Decoder):
         if seconds is not None and {"latitude_deg", "longitude_deg"} <= position.keys():
             place = position["latitude_deg"], position["longitude_deg"]
             number = self._receivers.receiver_number(
-                line_and_device(label(device)), kind, seconds, frame.monotonic_ns, place
+                trial.line_and_device(label(device)), kind, seconds, frame.monotonic_ns, place
             )
         elif kind in _WITH_A_FIX:
-            number = self._receivers.last_receiver_number(line_and_device(label(device)))
+            number = self._receivers.last_receiver_number(trial.line_and_device(label(device)))
         elif seconds is None and reading.values:
             name = "source"
             number = self._interleaved.source_number(label(device), *reading.values[0], frame.monotonic_ns)
         source = label(device if number == 1 else ".".join(filter(None, (device, f"{name}{number}"))))
-        self._remember_fix_quality(kind, line_and_device(source), reading)
+        self._remember_fix_quality(kind, trial.line_and_device(source), reading)
         source_ns = None
         if seconds is not None and reading.date is not None:  # then it also sets the line's clock
             source_ns = utc_ns_of_date(reading.date, seconds)
@@ -374,7 +363,7 @@ class Nmea0183Decoder(Decoder):
 
     def _remember_fix_quality(self, kind: str, sensor: str, reading: SentenceReading) -> None:
         """GGA has finer kinds of fix than the modes of other sentences, which count where it does not come."""
-        former = self.fixes.get(sensor, Fix())
+        former = self.fixes.get(sensor, trial.Fix())
         if reading.sigma_m is not None:
             fix = former._replace(sigma_m=reading.sigma_m)
         elif reading.fix is not None and (kind == "GGA" or sensor not in self._sends_gga):
@@ -450,7 +439,7 @@ class SentenceReading:
 
     values: Values = field(default_factory=list)
     meaning: str = ""
-    quality: Quality = Quality.NOT_EVALUATED
+    quality: trial.Quality = trial.Quality.NOT_EVALUATED
     refused: str = ""
     date: dt.date | None = None
     seconds_of_day: float | None = None
@@ -469,7 +458,7 @@ def drop_missing_values(*pairs: tuple[str, float | None]) -> Values:
 
 def _speed_in_knots_at(fields: Fields, index: int) -> float | None:
     knots = fields.number_at(index)
-    return None if knots is None else knots * KNOT_MPS
+    return None if knots is None else knots * quantities.KNOT_MPS
 
 
 def _read_fix(
@@ -485,9 +474,9 @@ def _read_fix(
     return SentenceReading(values, quality=_quality_of_fix(fix), seconds_of_day=seconds, fix=fix, **further)
 
 
-def _quality_of_fix(fix: int | None) -> Quality:
+def _quality_of_fix(fix: int | None) -> trial.Quality:
     """Dead reckoning, manual input and a simulator are recorded, and marked as suspect."""
-    return Quality.SUSPECT if fix in NO_SATELLITES else Quality.NOT_EVALUATED
+    return trial.Quality.SUSPECT if fix in NO_SATELLITES else trial.Quality.NOT_EVALUATED
 
 
 def _read_gga(fields: Fields) -> SentenceReading:
@@ -564,7 +553,7 @@ def _read_vtg(fields: Fields) -> SentenceReading:
         course, knots, kmh = (fields.number_at(index) for index in (0, 2, 3))
         if knots is None or kmh is None or abs(knots * 1.852 - kmh) > _ROUNDED_KMH:
             return SentenceReading(refused="a form that is not known")
-        speed: float | None = knots * KNOT_MPS
+        speed: float | None = knots * quantities.KNOT_MPS
     else:
         course, speed = fields.number_with_letter_at(0, "T"), fields.first_speed_mps((4, "N"), (6, "K"))
     values = drop_missing_values(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
@@ -866,7 +855,7 @@ class Nmea0183Encoder:
             self._sentences += [(names, response), (tuple(map(ship.order_channel_name, names)), order)]
 
     def encode(self, moment: Moment) -> list[Packet]:
-        utc = EPOCH + dt.timedelta(microseconds=floor(moment.time_ns / 1000))  # rounded down
+        utc = trial.EPOCH + dt.timedelta(microseconds=floor(moment.time_ns / 1000))  # rounded down
         clock = f"{utc:%H%M%S.%f}"
         packets = [Packet(frame_sentence(f"GPZDA,{clock},{utc:%d,%m,%Y},00,00"))] if self._announces else []
         latitude_deg, longitude_deg = moment.latitude_deg, moment.longitude_deg
@@ -926,10 +915,11 @@ _NAVIGATION: dict[tuple[str, ...], Body] = {
     ("heading_deg",): lambda heading: f"HEHDT,{_format_angle_in_turn(heading, 4)},T",
     ("yaw_rate_dps",): lambda rate: f"TIROT,{rate * 60.0:.3f},A",
     ("surge_mps", "sway_mps"): lambda surge, sway: (
-        f"VDVBW,,,V,{_format_scaled(surge, 1.0 / KNOT_MPS, 4)},{_format_scaled(sway, 1.0 / KNOT_MPS, 4)},A,,V,,V"
+        f"VDVBW,,,V,{_format_scaled(surge, 1.0 / quantities.KNOT_MPS, 4)},"
+        f"{_format_scaled(sway, 1.0 / quantities.KNOT_MPS, 4)},A,,V,,V"
     ),
     ("wind_direction_deg", "wind_speed_mps"): lambda direction, speed: (
-        f"WIMWD,{_format_angle_in_turn(direction, 3)},T,,M,{_format_scaled(speed, 1.0 / KNOT_MPS, 3)},N,"
+        f"WIMWD,{_format_angle_in_turn(direction, 3)},T,,M,{_format_scaled(speed, 1.0 / quantities.KNOT_MPS, 3)},N,"
         f"{_format_scaled(speed, 1.0, 3)},M"
     ),
 }

@@ -308,12 +308,6 @@ def _read_rudder(message: Message, channels: tuple[str, ...], *, has_orders: boo
     return GroupReading(values, meaning, instance=number if is_single else None)
 
 
-def _read_gear(message: Message, gears: dict[int, int]) -> GroupReading:
-    """127493: whether an engine's gearbox reverses its shaft."""
-    gears[_device_instance(message)] = int(message["transmissionGear"])
-    return GroupReading([])
-
-
 def _read_engine(
     message: Message, ratios: Mapping[int, tuple[str, float]], gears: Mapping[int, int]
 ) -> GroupReading:
@@ -339,9 +333,15 @@ def machinery_readers(actuators: ship.Actuators, reduction_ratios: Mapping[str, 
         if name in reduction_ratios
     }
     gears: dict[int, int] = {}
+
+    def read_gear(message: Message) -> GroupReading:
+        """127493: whether an engine's gearbox reverses its shaft."""
+        gears[_device_instance(message)] = int(message["transmissionGear"])
+        return GroupReading([])
+
     engines: dict[int, Reader] = {
         ENGINE_SPEED: partial(_read_engine, ratios=ratios, gears=gears),
-        GEARBOX: partial(_read_gear, gears=gears),
+        GEARBOX: read_gear,
     }
     return {RUDDER_GROUP: rudder, **(engines if reduction_ratios else {})}
 

@@ -24,8 +24,7 @@ from seatrial.acquisition.core import process
 from seatrial.acquisition.core.errors import InputError, escape_control_characters
 from seatrial.acquisition.core.quantities import Series
 from seatrial.acquisition.core.trial import NANO, Trial, iso_utc
-from seatrial.acquisition.recording import messages, reader, scan
-from seatrial.acquisition.recording.batches import Batch, batch_chunks
+from seatrial.acquisition.recording import batches, messages, reader, scan
 
 SMALL_BYTES = 4 * 1024 * 1024
 """A file up to this size is read as a whole, which costs as little and tells all."""
@@ -233,8 +232,8 @@ class _IndexReader:
         for start, end in _joined_extents(indexes):
             for chunk in _records(self._fetch(start, end - start), (Opcode.CHUNK,)):
                 self._meter.add(process.EXPANDED_BYTES, len(chunk.data))
-                for batch in batch_chunks(chunk):
-                    if isinstance(batch, Batch):
+                for batch in batches.batch_chunks(chunk):
+                    if isinstance(batch, batches.Batch):
                         builder.add(batch, self._topics, self._meter)
         return builder.build(Path(self._stream.name), Trial(), {}, closed=True)
 

@@ -28,11 +28,8 @@ from mcap.reader import make_reader
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
-from seatrial.acquisition.core import files, process, ship
-from seatrial.acquisition.core.errors import InputError, Progress, StorageError
-from seatrial.acquisition.core.trial import Trial, iso_utc, software_version
-from seatrial.acquisition.recording import messages, reader, scan
-from seatrial.acquisition.recording.batches import Batch, batch_chunks
+from seatrial.acquisition.core import errors, files, process, ship, trial
+from seatrial.acquisition.recording import batches, messages, reader, scan
 
 _KEY = struct.Struct("<QQQQ")
 _CHUNK_BYTES = 1024 * 1024
@@ -59,7 +56,7 @@ class Definitions:
         return definition if isinstance(definition, kind) else None
 
 
-def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Definitions:
+def collect_definitions(stream: BinaryIO, path: Path, progress: errors.Progress) -> Definitions:
     """All definitions of a file, the first that was given to each number.
 
     Raises :class:`InputError` for more of them than there can be.
@@ -75,11 +72,11 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
         if isinstance(extent.record, mcap.ChunkIndex):
             definitions.chunk_starts.append(extent.record.chunk_start_offset)
         by_number = definitions.vouched if isinstance(extent.record, mcap.Chunk) else definitions.unvouched
-        items = batch_chunks(extent.record) if isinstance(extent.record, mcap.Chunk) else [extent.record]
+        items = batches.batch_chunks(extent.record) if isinstance(extent.record, mcap.Chunk) else [extent.record]
         with suppress(scan.RecordError):  # counted when the messages are copied
             for item in items:
-                if isinstance(item, Batch | mcap.Message):
-                    meter.add(process.MESSAGES, len(item) if isinstance(item, Batch) else 1)
+                if isinstance(item, batches.Batch | mcap.Message):
+                    meter.add(process.MESSAGES, len(item) if isinstance(item, batches.Batch) else 1)
                 if not isinstance(item, mcap.Channel | mcap.Schema):
                     continue
                 definition = by_number.get((type(item), item.id))
@@ -89,7 +86,7 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
     return definitions
 
 
-def _scan_with_progress(stream: BinaryIO, progress: Progress) -> Iterator[scan.Intact | scan.Damage]:
+def _scan_with_progress(stream: BinaryIO, progress: errors.Progress) -> Iterator[scan.Intact | scan.Damage]:
     """As :func:`scan_records.scan`; ``progress`` takes the share done."""
     size_bytes = stream.seek(0, os.SEEK_END)
     shown = 0
@@ -134,7 +131,7 @@ def verify_copy(partial: Path, target: Path, saved: Digest) -> None:
         with partial.open("rb") as stream:
             for topic, message in _read_by_index(stream):
                 index_digest.add_message(topic, message.log_time, message.publish_time, message.data)
-    except (InputError, McapError, ValueError, KeyError, struct.error) as error:
+    except (errors.InputError, McapError, ValueError, KeyError, struct.error) as error:
         raise _mismatch_error(target, str(error)) from error
     if (
         not written.closed
@@ -160,8 +157,8 @@ def _read_by_index(stream: BinaryIO) -> Iterator[tuple[str, mcap.Message]]:
                 yield summary.channels[record.channel_id].topic, record
 
 
-def _mismatch_error(target: Path, reason: str) -> StorageError:
-    return StorageError(
+def _mismatch_error(target: Path, reason: str) -> errors.StorageError:
+    return errors.StorageError(
         "does not read back as it was written", where=str(target), why=reason, fix="try another disk"
     )
 
@@ -208,22 +205,22 @@ class RecoverySummary:
             "recovered": self.saved_messages,
             "lost_bytes": self.lost_bytes,
             "damaged_chunks": self.damaged_chunks,
-            "recovered_until": None if until_ns is None else iso_utc(until_ns),
-            "gaps": [{"start": iso_utc(start), "length_s": (end - start) / 1e9} for start, end in self.gaps],
+            "recovered_until": None if until_ns is None else trial.iso_utc(until_ns),
+            "gaps": [{"start": trial.iso_utc(start), "length_s": (end - start) / 1e9} for start, end in self.gaps],
             "topics": dict(sorted(self.counts.items())),
             "reasons": dict(self.refused),
             "closed": self.closed,
         }
 
     def __str__(self) -> str:
-        until = "" if self.recovered_until_ns is None else f" up to {iso_utc(self.recovered_until_ns)}"
+        until = "" if self.recovered_until_ns is None else f" up to {trial.iso_utc(self.recovered_until_ns)}"
         saved = f"saved {self.saved_messages:,} messages{until}"
         ended = "" if self.closed else "; the recording had not been closed"
         if not self.refused:
             return f"{saved}{ended}; nothing was lost"
         chunks = f" with {self.damaged_chunks} chunks" if self.damaged_chunks != 1 else " with 1 chunk"
         gaps = "".join(
-            f"; a gap of {(end - start) / 1e9:.3f} s from {iso_utc(start)}" for start, end in self.gaps[:5]
+            f"; a gap of {(end - start) / 1e9:.3f} s from {trial.iso_utc(start)}" for start, end in self.gaps[:5]
         )
         further = f"; {len(self.gaps) - 5} more gaps" if len(self.gaps) > 5 else ""
         return f"{saved}{ended}. Lost {self.lost_bytes:,} bytes{chunks}: {self.reasons_text}{gaps}{further}"
@@ -269,7 +266,7 @@ class Saving:
             try:
                 plain = scan.remove_metadata_checksum(extent.record)
                 if name == "trial":
-                    Trial.from_metadata(plain)
+                    trial.Trial.from_metadata(plain)
             except ValueError:  # it would keep the copy from being read; under another name it is not lost
                 name = f"{name} (damaged)"
                 texts = scan.add_metadata_checksum(name, texts)
@@ -287,8 +284,8 @@ class Saving:
 
     def _copy_chunk(self, chunk: mcap.Chunk, size_bytes: int) -> None:
         try:
-            for record in batch_chunks(chunk):
-                if isinstance(record, Batch):
+            for record in batches.batch_chunks(chunk):
+                if isinstance(record, batches.Batch):
                     for message in record.iterate_messages():
                         self.copy_message(message)
                 elif isinstance(record, mcap.Channel | mcap.Schema):
@@ -344,13 +341,13 @@ class Saving:
         summary = self.summary
         if not (summary.saved_messages or summary.metadata or summary.attachments):
             what, fix = "contains nothing that can be saved", "give another copy of it"
-            raise InputError(what, where=str(source), why=summary.reasons_text, fix=fix)
+            raise errors.InputError(what, where=str(source), why=summary.reasons_text, fix=fix)
 
 
 Copy = TypeVar("Copy", bound=Saving)
 
 
-def recover(source: Path, target: Path, progress: Progress = lambda share: None) -> RecoverySummary:
+def recover(source: Path, target: Path, progress: errors.Progress = lambda share: None) -> RecoverySummary:
     """Copy every intact message, metadata record and attachment of ``source`` into the new file ``target``.
 
     ``progress`` takes the share done. Raises :class:`InputError` when nothing can be saved, :class:`StorageError`
@@ -360,7 +357,7 @@ def recover(source: Path, target: Path, progress: Progress = lambda share: None)
 
 
 def copy_intact_records(
-    source: Path, target: Path, make_copy: Callable[[Writer, Definitions], Copy], progress: Progress
+    source: Path, target: Path, make_copy: Callable[[Writer, Definitions], Copy], progress: errors.Progress
 ) -> Copy:
     """Pass all that is in a file to what ``make_copy`` makes, which may refuse the result before it has a name.
 
@@ -372,13 +369,13 @@ def copy_intact_records(
         if os.path.lexists(target):
             is_source = target.exists() and target.samefile(source)
             what = "is the recording that is to be saved" if is_source else "already exists"
-            raise StorageError(what, where=str(target), fix="name a new file")
+            raise errors.StorageError(what, where=str(target), fix="name a new file")
         definitions = collect_definitions(stream, source, lambda share: progress(0.3 * share))
         with files.atomic_file(target) as partial:
             with partial.open("wb") as file:
                 zstd = CompressionType.ZSTD
                 writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=zstd, enable_data_crcs=True)
-                writer.start(profile=definitions.header.profile, library=software_version())
+                writer.start(profile=definitions.header.profile, library=trial.software_version())
                 saved = make_copy(writer, definitions)
                 for extent in _scan_with_progress(stream, lambda share: progress(0.3 + 0.5 * share)):
                     saved.copy_or_count_lost(extent)
@@ -448,13 +445,13 @@ class Migration(Saving):
     def check_copy(self, source: Path) -> None:
         if self.summary.damaged_chunks or self.summary.lost_bytes:
             fix = f"first {reader.REMEDY}"
-            raise InputError("is damaged", where=str(source), why=self.summary.reasons_text, fix=fix)
+            raise errors.InputError("is damaged", where=str(source), why=self.summary.reasons_text, fix=fix)
         if not self.converted:
             why = f"{self.summary.saved_messages:,} messages, none of ours in JSON"
-            raise InputError("has nothing to migrate", where=str(source), why=why, fix="use it as it is")
+            raise errors.InputError("has nothing to migrate", where=str(source), why=why, fix="use it as it is")
 
 
-def migrate(source: Path, target: Path, progress: Progress = lambda share: None) -> Migration:
+def migrate(source: Path, target: Path, progress: errors.Progress = lambda share: None) -> Migration:
     """Write the recording ``source`` again as ``target``, with messages as they are recorded today.
 
     ``progress`` takes the share done. Raises :class:`InputError` for a damaged recording and for one that has no

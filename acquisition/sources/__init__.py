@@ -33,8 +33,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from seatrial.acquisition.config.sources import AnySource, OwnSource
-from seatrial.acquisition.core import errors, named_code, process
-from seatrial.acquisition.core.trial import NANO, SOFTWARE, Frame, wall_and_monotonic_ns
+from seatrial.acquisition.core import errors, named_code, process, trial
 
 # Imported when first used: a trial without CAN needs no python-can.
 _CLASSES = {
@@ -90,7 +89,7 @@ _BLOCK_BYTES = 8192  # as readers ask for: of a packed log that is cut off no mo
 _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_MEMINFO = 33, 35, 55  # Python has no names for them
 _DROPPED = 8  # the place of the count among the numbers of SO_MEMINFO
 _MEMINFO_BYTES = 36
-_OLDEST_NS = 60 * NANO  # a frame that waited longer has been stamped by another clock, or ours has been set
+_OLDEST_NS = 60 * trial.NANO  # a frame that waited longer has been stamped by another clock, or ours has been set
 _MOST_SENDERS = 100  # senders' addresses can be forged: there is no end to them
 
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
@@ -130,14 +129,14 @@ class Source(ABC):
         """Open the transport: what can be read and closed. Raises :class:`SourceError`."""
 
     @abstractmethod
-    def _receive(self, timeout_s: float) -> list[Frame] | None:
+    def _receive(self, timeout_s: float) -> list[trial.Frame] | None:
         """As :meth:`read`, of an open transport."""
 
     def open(self) -> None:
         """Connect. Raises :class:`~seatrial.acquisition.core.errors.SourceError` if that cannot be done."""
         self._link = self._connect()
 
-    def read(self, timeout_s: float) -> list[Frame] | None:
+    def read(self, timeout_s: float) -> list[trial.Frame] | None:
         """What came within the time, perhaps nothing; None when nothing will ever come again.
 
         Raises :class:`~seatrial.acquisition.core.errors.SourceError` when the transport has failed.
@@ -164,7 +163,7 @@ class LogReader(Source):
         return
 
     @abstractmethod
-    def _next_frames(self, file: BinaryIO) -> list[Frame] | None:
+    def _next_frames(self, file: BinaryIO) -> list[trial.Frame] | None:
         """The next frames, perhaps none; None at the end of the file."""
 
     def _connect(self) -> BinaryIO:
@@ -192,7 +191,7 @@ class LogReader(Source):
         )
         return self.failure(f"{path} is {name}", why, fix)
 
-    def _receive(self, timeout_s: float) -> list[Frame] | None:
+    def _receive(self, timeout_s: float) -> list[trial.Frame] | None:
         try:
             return self._next_frames(self._link)
         except OSError as error:
@@ -205,7 +204,7 @@ def name_of_imported_log(head: bytes) -> str:
     >>> name_of_imported_log(b"TDSm..."), name_of_imported_log(b"$HEHDT,12.5,T*2A")
     ('a measurement of LabVIEW (TDMS)', '')
     """
-    if head.startswith(b"\x89MCAP") and SOFTWARE.encode() not in head[:_OWN_BYTES]:
+    if head.startswith(b"\x89MCAP") and trial.SOFTWARE.encode() not in head[:_OWN_BYTES]:
         return "an MCAP file of another program, such as a bag of ROS 2"
     if head.startswith(SQLITE) and b"serialization_format" in head:
         return "a bag of ROS 2"
@@ -265,12 +264,12 @@ class OwnCode(Source):
         with named_code.report_user_code_errors(self._config.code, self._file):
             return self._class(**self._config.options)
 
-    def _receive(self, timeout_s: float) -> list[Frame] | None:
+    def _receive(self, timeout_s: float) -> list[trial.Frame] | None:
         with named_code.report_user_code_errors(f"{self._config.code}.read", self._file):
             received = self._link.read(timeout_s)
         if received is None:
             return None
-        clocks, payloads = wall_and_monotonic_ns(), []
+        clocks, payloads = trial.wall_and_monotonic_ns(), []
         for reading in received if isinstance(received, list) else [received]:
             if isinstance(reading, str | bytes):
                 line = reading.encode() if isinstance(reading, str) else reading
@@ -287,7 +286,7 @@ class OwnCode(Source):
                     fix = "declare it as [[channel]], or rename it"
                     raise self.failure(f"tells {name!r}", "it is no channel", fix)
                 payloads.append(f"own/{name}\0{value}{time}".encode())
-        return [Frame(self.name, "mqtt", payload, *clocks) for payload in payloads]
+        return [trial.Frame(self.name, "mqtt", payload, *clocks) for payload in payloads]
 
     def close(self) -> None:
         if self._link is not None and hasattr(self._link, "close"):
@@ -315,7 +314,7 @@ def arrival_stamp_ns(ancillary: list[tuple[int, int, bytes]]) -> int | None:
     for level, kind, data in ancillary:
         if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS) and len(data) >= _TIME.size:
             seconds, nanoseconds = _TIME.unpack_from(data)
-            return int(seconds * NANO + nanoseconds)
+            return int(seconds * trial.NANO + nanoseconds)
     return None
 
 
@@ -330,7 +329,7 @@ def dropped_by_system(opened: socket.socket) -> int:
 
 def clocks_at_reception(stamp_ns: int | None) -> tuple[tuple[int, int], bool]:
     """The wall and the monotonic clock [ns] when something came, and whether by its stamp; if not, now."""
-    wall_ns, monotonic_ns = wall_and_monotonic_ns()
+    wall_ns, monotonic_ns = trial.wall_and_monotonic_ns()
     waited_ns = -1 if stamp_ns is None else wall_ns - stamp_ns
     if stamp_ns is None or not 0 <= waited_ns < _OLDEST_NS:
         return (wall_ns, monotonic_ns), False

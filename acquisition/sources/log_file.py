@@ -34,40 +34,11 @@ from typing import Any, BinaryIO
 import can
 from can.io import MF4Reader, blf
 
+from seatrial.acquisition import sources
 from seatrial.acquisition.config.sources import FileSource
-from seatrial.acquisition.core.process import LOG_BYTES
+from seatrial.acquisition.core import process, trial
 from seatrial.acquisition.core.times import DAY_NS, YEAR_LAST, Order, Stamp, infer_date_order
-from seatrial.acquisition.core.trial import (
-    HIGHEST_IDENTIFIER,
-    NANO,
-    Frame,
-    FrameFlag,
-    iso_utc,
-    wall_and_monotonic_ns,
-)
-from seatrial.acquisition.protocols import nmea0183, nmea2000
-from seatrial.acquisition.protocols.clock import (
-    StatedTimes,
-    correct_week_rollover,
-    is_possible_time,
-    nearest_utc_ns_of_day_time,
-    utc_ns_of_date,
-)
-from seatrial.acquisition.protocols.mavlink import (
-    LONGEST_BYTES,
-    has_valid_checksum,
-    is_signed_packet,
-    packet_length,
-    parse_header,
-)
-from seatrial.acquisition.sources import (
-    SQLITE,
-    BoundedLog,
-    Lines,
-    LogReader,
-    describe_file_start,
-    name_of_imported_log,
-)
+from seatrial.acquisition.protocols import clock, mavlink, nmea0183, nmea2000
 from seatrial.acquisition.sources.lines import frame_flags
 from seatrial.acquisition.sources.log_formats import FILE_FORMS, LINE_FORMS, LineReader, LogEntry, read_lines
 
@@ -100,13 +71,13 @@ _TRC_ERROR = re.compile(r"\d+\)?\s+\S+\s+(?:ER\b|(?:\d+\s+)?Error\b)")
 """What a bus did and what a user marked, and frames that were broken on it, in TRC of any version."""
 _LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a typed text 64 kB
 
-EARLIEST_UTC_NS = 1_000_000_000 * NANO
+EARLIEST_UTC_NS = 1_000_000_000 * trial.NANO
 """Times before are since the log began."""
-_LATEST_NS = 4_102_444_800 * NANO  # 2100; what is later is broken
-_SLACK_NS = NANO  # by so much a clock may go back without having wrapped around
+_LATEST_NS = 4_102_444_800 * trial.NANO  # 2100; what is later is broken
+_SLACK_NS = trial.NANO  # by so much a clock may go back without having wrapped around
 _STUCK_ENTRIES = 100  # entries at one and the same time: the gateway's clock stands still
-_LONGEST_BURST_NS = 10 * NANO  # between the sentences that state a date
-_AGREED_NS = 2 * NANO  # the bus tells whole seconds, late
+_LONGEST_BURST_NS = 10 * trial.NANO  # between the sentences that state a date
+_AGREED_NS = 2 * trial.NANO  # the bus tells whole seconds, late
 _TIME_READERS, _DAY_TIME_READERS = (
     {kind: read for kind, read in nmea0183.motion_readers("ground").items() if kind in kinds}
     for kinds in (("ZDA", "RMC"), ("GGA", "GNS", "GLL"))
@@ -116,10 +87,10 @@ _TIME_BYTES = 8
 _MICRO_NS = 1000
 _BLOCK_BYTES = 4096  # some 100 entries, at most 256
 _LONGEST_DAMAGE_BYTES = 65_536  # in one frame; within it no packet is cut in two
-_LOOK_AHEAD_BYTES = 2 * (_TIME_BYTES + LONGEST_BYTES) + 1  # an entry, and one that may begin inside it
+_LOOK_AHEAD_BYTES = 2 * (_TIME_BYTES + mavlink.LONGEST_BYTES) + 1  # an entry, and one that may begin inside it
 # A clock may be set during a log, but then all that follows is on the new time; one time far from both its
 # neighbours is damaged.
-_JUMP_NS = 60 * NANO
+_JUMP_NS = 60 * trial.NANO
 _MOST_STEPS = 10_000
 # Microseconds of a time before 2100, then a packet's first byte.
 _MAY_BE_ENTRY = re.compile(rb"(?=\x00[\x00-\x0e].{6}[\xfd\xfe])", re.DOTALL)
@@ -152,7 +123,7 @@ class _Blf(can.BLFReader):  # type: ignore[misc]  # the library has no types
             elif method != blf.NO_COMPRESSION:
                 blf.LOG.warning("Unknown compression method (%d)", method)
                 plain = b""
-            self._meter.add(LOG_BYTES, len(plain))
+            self._meter.add(process.LOG_BYTES, len(plain))
             yield from self._parse_container(plain)
             if len(self._tail) > _LONGEST_OBJECT_BYTES:
                 raise ValueError("an object in it is longer than any")
@@ -180,7 +151,7 @@ class _Trc(can.TRCReader):  # type: ignore[misc]
         return message
 
 
-class LogFile(LogReader):
+class LogFile(sources.LogReader):
     """One log; ``unreadable`` counts its lines and records that held nothing."""
 
     def __init__(self, config: FileSource) -> None:
@@ -208,8 +179,8 @@ class LogFile(LogReader):
             return ""
         end, newest_ns = f"reading ended after {self._count:,} frames", self._newest_ns
         if newest_ns is not None:
-            utc = newest_ns >= EARLIEST_UTC_NS
-            end += f", the last of {iso_utc(newest_ns) if utc else f'{newest_ns / 1e9:.3f} s after its beginning'}"
+            after_start = f"{newest_ns / 1e9:.3f} s after its beginning"
+            end += f", the last of {trial.iso_utc(newest_ns) if newest_ns >= EARLIEST_UTC_NS else after_start}"
         return f"the log is damaged ({self._log.damage}); {end}"
 
     @property
@@ -217,7 +188,7 @@ class LogFile(LogReader):
         remarks = [self._date_remark or self._clock.remark, self._log.reader.remark if self._log else ""]
         if self._back_at_ns is not None:
             at = (
-                iso_utc(self._back_at_ns)
+                trial.iso_utc(self._back_at_ns)
                 if self._back_at_ns >= EARLIEST_UTC_NS
                 else f"{self._back_at_ns / 1e9:.3f} s"
             )
@@ -231,21 +202,21 @@ class LogFile(LogReader):
                 head = zlib.decompressobj(wbits=31).decompress(head, _HEAD_BYTES)
             except zlib.error as error:
                 raise ValueError(f"it cannot be unpacked: {error}") from error
-        name = name_of_imported_log(head)
+        name = sources.name_of_imported_log(head)
         if name and not head.startswith(_MDF):  # sentences in it would be found, without their topics and times
             raise self._import_error(name)
-        if head.startswith(SQLITE):  # as well
-            raise ValueError(f"it looks like {describe_file_start(head)}")
+        if head.startswith(sources.SQLITE):  # as well
+            raise ValueError(f"it looks like {sources.describe_file_start(head)}")
         path: Path = self._config.path
-        open_log = _choose_reader(head, self._config.form, partial(BoundedLog, path, packed=is_packed))
-        log = self._log = open_log(StatedTimes(self._config.date_order))
+        open_log = _choose_reader(head, self._config.form, partial(sources.BoundedLog, path, packed=is_packed))
+        log = self._log = open_log(clock.StatedTimes(self._config.date_order))
         entries = iter(log)
         beginning, stated = _read_head(entries, log.times)
         is_sound = partial(_is_recordable, unchecked=self._config.checksum == "optional")
         if head and not any(map(is_sound, chain(beginning, entries))):
             if name and not log.damage:  # a measurement without frames
                 raise self._import_error(name)
-            reason = log.damage or f"it looks like {describe_file_start(head)}"
+            reason = log.damage or f"it looks like {sources.describe_file_start(head)}"
             raise ValueError(f"nothing in it can be recorded: {reason}; supported are {UNDERSTOOD}")
         log.close()
         tail = b""
@@ -264,9 +235,9 @@ class LogFile(LogReader):
         self._only_bus = buses.pop() if len(buses) == 1 else ""
         self._log = open_log(times)
         self._entries = iter(self._log)
-        self._opened_ns, self._last_ns, self._count, self._newest_ns = wall_and_monotonic_ns()[0], 0, 0, None
+        self._opened_ns, self._last_ns, self._count, self._newest_ns = trial.wall_and_monotonic_ns()[0], 0, 0, None
 
-    def _next_frames(self, file: BinaryIO) -> list[Frame] | None:
+    def _next_frames(self, file: BinaryIO) -> list[trial.Frame] | None:
         return [self._frame(entry) for entry in islice(self._entries, _MOST_FRAMES_AT_ONCE)] or None
 
     def close(self) -> None:
@@ -275,7 +246,7 @@ class LogFile(LogReader):
             self._log.close()
         super().close()
 
-    def _frame(self, entry: LogEntry) -> Frame:
+    def _frame(self, entry: LogEntry) -> trial.Frame:
         time_ns = self._clock.time_ns(entry)
         if time_ns is not None:
             # the first step back is noted; one forward may be a gap
@@ -288,14 +259,14 @@ class LogFile(LogReader):
         bus = "" if entry.bus == self._only_bus else entry.bus
         stamped_ns = None
         if time_ns is None:
-            received_ns, monotonic_ns = wall_and_monotonic_ns()
+            received_ns, monotonic_ns = trial.wall_and_monotonic_ns()
         elif time_ns >= EARLIEST_UTC_NS:
             stamped_ns = received_ns = monotonic_ns = time_ns
         else:
             received_ns = monotonic_ns = self._opened_ns + time_ns
         self._last_ns = max(self._last_ns, monotonic_ns)
         details = received_ns, self._last_ns, entry.identifier, entry.flags, stamped_ns, bus
-        return Frame(self.name, entry.protocol, entry.payload, *details)
+        return trial.Frame(self.name, entry.protocol, entry.payload, *details)
 
 
 class _Log:
@@ -306,7 +277,7 @@ class _Log:
         read: Callable[[BinaryIO, LineReader], Iterator[LogEntry]],
         file: BinaryIO,
         form: str,
-        times: StatedTimes,
+        times: clock.StatedTimes,
     ) -> None:
         self.times = times
         self.reader = LineReader(form, times)
@@ -321,7 +292,9 @@ class _Log:
             self.damage = str(error)
 
 
-def _read_head(entries: Iterator[LogEntry], times: StatedTimes) -> tuple[list[LogEntry], list[tuple[Stamp, int]]]:
+def _read_head(
+    entries: Iterator[LogEntry], times: clock.StatedTimes
+) -> tuple[list[LogEntry], list[tuple[Stamp, int]]]:
     """A log's first entries, and the dates of those that state the UTC themselves."""
     beginning, stated = list[LogEntry](), list[tuple[Stamp, int]]()
     for entry in islice(entries, _HEAD_ENTRIES):
@@ -332,10 +305,14 @@ def _read_head(entries: Iterator[LogEntry], times: StatedTimes) -> tuple[list[Lo
 
 
 def _infer_date_order(
-    times: StatedTimes, stated: list[tuple[Stamp, int]], tail: bytes, configured: Order | None, changed_ns: int
-) -> tuple[StatedTimes, str]:
+    times: clock.StatedTimes,
+    stated: list[tuple[Stamp, int]],
+    tail: bytes,
+    configured: Order | None,
+    changed_ns: int,
+) -> tuple[clock.StatedTimes, str]:
     """How the dates of a log are read, by those in its beginning and end, and a remark on what they leave open."""
-    ending = StatedTimes()
+    ending = clock.StatedTimes()
     for _ in read_lines(BytesIO(tail), LineReader(times=ending)):
         pass
     stamps = [*times.stamps, *ending.stamps]
@@ -366,10 +343,12 @@ def _infer_date_order(
         remark = _OF_THIS_ZONE
     elif stamp is not None and stamp.offset_s is None and not stated:
         remark = f"its times, like {stamp.text!r}, name no zone and are taken for UTC; local ones are off by theirs"
-    return StatedTimes(order, year), "; ".join(filter(None, (times.remark, remark)))
+    return clock.StatedTimes(order, year), "; ".join(filter(None, (times.remark, remark)))
 
 
-def _choose_reader(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[StatedTimes], _Log]:
+def _choose_reader(
+    head: bytes, form: str, open_file: Callable[[], BinaryIO]
+) -> Callable[[clock.StatedTimes], _Log]:
     """What opens a log to be read: by its form or, where none is named, by its first bytes."""
     read = FILE_FORMS[form].read if form in FILE_FORMS else None
     if not form:
@@ -410,7 +389,9 @@ def _read_with_python_can(kind: str, file: BinaryIO, reader: LineReader) -> Iter
             stated = None if match is None else reader.times.read_time_prefix(match[1].decode("latin-1"))
             began_ns = 0 if stated is None or stated[1] else stated[0] or 0
             has_start = b"$STARTTIME" in head or began_ns > 0
-        messages = _Blf(file) if kind == "blf" else _Trc(Lines(file, encoding="utf-8", errors="replace"), reader)
+        messages = (
+            _Blf(file) if kind == "blf" else _Trc(sources.Lines(file, encoding="utf-8", errors="replace"), reader)
+        )
         reader.times.remark = _WITHOUT_ZONE if has_start else ""
         return _python_can_entries(messages, file, size_bytes, reader, began_ns)
     except NotImplementedError as error:
@@ -456,7 +437,7 @@ def _python_can_entries(
         for message in messages:
             length = 0 if size_bytes or message.is_remote_frame or message.is_error_frame else message.dlc
             is_cut = len(message.data) < min(length, 64 if message.is_fd else 8)  # the library fills up no line
-            if message.arbitration_id <= HIGHEST_IDENTIFIER and not is_cut:
+            if message.arbitration_id <= trial.HIGHEST_IDENTIFIER and not is_cut:
                 time_ns = began_ns + round(message.timestamp * 1e6) * 1000  # no finer than a float of today holds
                 bus = "" if message.channel is None else f"channel{int(message.channel) + first_channel}"
                 yield LogEntry(time_ns, bytes(message.data), message.arbitration_id, frame_flags(message), bus=bus)
@@ -522,7 +503,7 @@ class LogClock:
                 _correct_rollover_or_none(time_ns) not in (None, time_ns)
                 for time_ns in map(_utc_ns_stated_by_sentence, lines)
             ):
-                date = iso_utc(utc_ns_stated_by_entry(entry) or 0)[:10]
+                date = trial.iso_utc(utc_ns_stated_by_entry(entry) or 0)[:10]
                 self.remark = f"a receiver's weeks have rolled over: its date is 1,024 weeks back, {date} is taken"
                 break
         self._restart()
@@ -552,7 +533,7 @@ class LogClock:
         day_time_ns = _day_time_ns_stated_by_entry(entry)
         if day_time_ns is None:
             return None
-        time_ns = nearest_utc_ns_of_day_time(day_time_ns / NANO, now_ns)
+        time_ns = clock.nearest_utc_ns_of_day_time(day_time_ns / trial.NANO, now_ns)
         return time_ns if 0 < time_ns - now_ns <= _LONGEST_BURST_NS else None
 
     def _with_day_time(self, entry: LogEntry) -> LogEntry:
@@ -641,12 +622,12 @@ def utc_ns_stated_by_entry(entry: LogEntry) -> int | None:
         )
         return next((utc for utc in stated if utc is not None), None)
     group = nmea2000.split_can_identifier(entry.identifier)[0]
-    is_position = group == nmea2000.GNSS_POSITION and entry.flags == FrameFlag.WHOLE
-    is_clock = group in (nmea2000.SYSTEM_TIME, nmea2000.TIME_AND_DATE) and not entry.flags & ~FrameFlag.WHOLE
+    is_position = group == nmea2000.GNSS_POSITION and entry.flags == trial.FrameFlag.WHOLE
+    is_clock = group in (nmea2000.SYSTEM_TIME, nmea2000.TIME_AND_DATE) and not entry.flags & ~trial.FrameFlag.WHOLE
     if not is_position and not is_clock:
         return None
     stated_ns = nmea2000.group_utc_ns(nmea2000.Message(group, entry.payload))
-    return stated_ns if stated_ns is not None and is_possible_time(stated_ns) else None
+    return stated_ns if stated_ns is not None and clock.is_possible_time(stated_ns) else None
 
 
 def _day_time_ns_stated_by_entry(entry: LogEntry) -> int | None:
@@ -658,15 +639,15 @@ def _day_time_ns_stated_by_entry(entry: LogEntry) -> int | None:
         read = _DAY_TIME_READERS.get(tag[-3:])
         seconds = None if read is None else read(nmea0183.Fields(fields)).seconds_of_day
         if seconds is not None:
-            return round(seconds * NANO)
+            return round(seconds * trial.NANO)
     return None
 
 
 def _correct_rollover_or_none(time_ns: int | None) -> int | None:
     """A time that can be true, or that a receiver means whose weeks have rolled over; None for others."""
-    if time_ns is None or is_possible_time(time_ns):
+    if time_ns is None or clock.is_possible_time(time_ns):
         return time_ns
-    return correct_week_rollover(time_ns, wall_and_monotonic_ns()[0])
+    return clock.correct_week_rollover(time_ns, trial.wall_and_monotonic_ns()[0])
 
 
 def _utc_ns_stated_by_sentence(line: bytes) -> int | None:
@@ -676,7 +657,7 @@ def _utc_ns_stated_by_sentence(line: bytes) -> int | None:
     reading = nmea0183.SentenceReading() if read is None else read(nmea0183.Fields(fields))
     if reading.date is None or reading.seconds_of_day is None:
         return None
-    return utc_ns_of_date(reading.date, reading.seconds_of_day)
+    return clock.utc_ns_of_date(reading.date, reading.seconds_of_day)
 
 
 def telemetry_entry_time_ns(data: bytes, at: int) -> int | None:
@@ -697,17 +678,17 @@ def telemetry_entry_end(data: bytes, at: int) -> int | None:
     if telemetry_entry_time_ns(data, at) is None:
         return None
     packet = at + _TIME_BYTES
-    length = packet_length(data, packet)
+    length = mavlink.packet_length(data, packet)
     end = packet + length
     if length == 0 or end > len(data):
         return None
-    if has_valid_checksum(data, packet) and not is_signed_packet(data, packet):
+    if mavlink.has_valid_checksum(data, packet) and not mavlink.is_signed_packet(data, packet):
         return end
     followed = end + _TIME_BYTES >= len(data) or telemetry_entry_time_ns(data, end) is not None
     inside = _MAY_BE_ENTRY.finditer(data, at + 1, end + _TIME_BYTES)
     return (
         end
-        if followed and not any(has_valid_checksum(data, match.end() + _TIME_BYTES) for match in inside)
+        if followed and not any(mavlink.has_valid_checksum(data, match.end() + _TIME_BYTES) for match in inside)
         else None
     )
 
@@ -720,7 +701,7 @@ def next_telemetry_entry(data: bytes, at: int, settled: int) -> int | None:
     return None
 
 
-class TelemetryLog(LogReader):
+class TelemetryLog(sources.LogReader):
     """One log; every frame has the log's time and no other. ``remark`` is what should be known of its times."""
 
     def _read_beginning(self, file: BinaryIO) -> None:
@@ -731,7 +712,7 @@ class TelemetryLog(LogReader):
         self._behind_ns, self._steps, self._date = 0, list[tuple[int, int]](), ""
         began_ns = changed_ns if time_ns is None else time_ns
         self._restart(file, began_ns)
-        if not is_possible_time(began_ns):
+        if not clock.is_possible_time(began_ns):
             self._behind_ns, self._date = self._clock_error(file, changed_ns)
             self._restart(file, began_ns)
 
@@ -745,7 +726,7 @@ class TelemetryLog(LogReader):
         last_ns = self._time_ns
         while (frames := self._next_frames(file)) is not None:
             for frame in frames:
-                if is_possible_time(frame.received_ns):
+                if clock.is_possible_time(frame.received_ns):
                     return frame.received_ns - last_ns, "where that clock was set later"
                 last_ns = frame.received_ns
                 if (utc_ns := _utc_ns_stated_by_packet(frame.payload)) is not None:
@@ -757,22 +738,24 @@ class TelemetryLog(LogReader):
         remarks = []
         if self._date:
             remarks.append(
-                f"the clock of the log was not set: it is {self._behind_ns / NANO:,.0f} s behind; distances in"
-                f" time are its own, the date is by {self._date}"
+                f"the clock of the log was not set: it is {self._behind_ns / trial.NANO:,.0f} s behind;"
+                f" distances in time are its own, the date is by {self._date}"
             )
         if self._steps:
             at_ns, step_ns = self._steps[0]
             repeated = f", and {len(self._steps) - 1} times more" if len(self._steps) > 1 else ""
-            remarks.append(f"its clock was set by {step_ns / NANO:+,.0f} s at {iso_utc(at_ns)}{repeated}")
+            remarks.append(
+                f"its clock was set by {step_ns / trial.NANO:+,.0f} s at {trial.iso_utc(at_ns)}{repeated}"
+            )
         return "; ".join(remarks)
 
-    def _next_frames(self, file: BinaryIO) -> list[Frame] | None:
+    def _next_frames(self, file: BinaryIO) -> list[trial.Frame] | None:
         block = file.read(_BLOCK_BYTES)
         self._data += block
         frames = self._frames(ended=not block)
         return frames if frames or block else None
 
-    def _frames(self, *, ended: bool) -> list[Frame]:
+    def _frames(self, *, ended: bool) -> list[trial.Frame]:
         """The frames in the bytes at hand; what may yet turn out to be an entry waits for the next call."""
         data, frames, at = self._data, [], 0
         settled = len(data) - (0 if ended else _LOOK_AHEAD_BYTES)
@@ -806,20 +789,20 @@ class TelemetryLog(LogReader):
 
     def _utc_ns(self, time_ns: int) -> int:
         """A time of the log as UTC: by a clock that was not set it is behind."""
-        return time_ns if is_possible_time(time_ns) else time_ns + self._behind_ns
+        return time_ns if clock.is_possible_time(time_ns) else time_ns + self._behind_ns
 
-    def _frame(self, payload: bytes) -> Frame:
+    def _frame(self, payload: bytes) -> trial.Frame:
         time_ns = self._utc_ns(self._time_ns)
         self._monotonic_ns = max(self._monotonic_ns, time_ns)
-        return Frame(self.name, "mavlink", payload, time_ns, self._monotonic_ns, stamped_ns=time_ns)
+        return trial.Frame(self.name, "mavlink", payload, time_ns, self._monotonic_ns, stamped_ns=time_ns)
 
 
 def _utc_ns_stated_by_packet(packet: bytes) -> int | None:
     """The UTC that an intact SYSTEM_TIME states [ns since 1970]; None of all others."""
-    if not packet or packet_length(packet, 0) != len(packet) or not has_valid_checksum(packet):
+    if not packet or mavlink.packet_length(packet, 0) != len(packet) or not mavlink.has_valid_checksum(packet):
         return None
-    if parse_header(packet).message_id != _SYSTEM_TIME:
+    if mavlink.parse_header(packet).message_id != _SYSTEM_TIME:
         return None
     header_bytes, length = (6 if packet[0] == 0xFE else 10), packet[1]  # trailing zeros are left out
     utc_ns = int.from_bytes(packet[header_bytes : header_bytes + min(length, 8)], "little") * _MICRO_NS
-    return utc_ns if is_possible_time(utc_ns) else None
+    return utc_ns if clock.is_possible_time(utc_ns) else None

@@ -18,9 +18,8 @@ import pymap3d
 
 from seatrial.acquisition.core import conventions, quantities
 from seatrial.acquisition.core import ship as ships
-from seatrial.acquisition.tables import column_map, column_names, evidence, heading_columns
+from seatrial.acquisition.tables import column_map, column_names, evidence, heading_columns, log_frames
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, TableContext, UnitGuess
-from seatrial.acquisition.tables.log_frames import AS_IN_ROS, wind_towards
 
 FASTEST_MPS = 30.0  # what a speed channel holds
 _CLEAR_RATIO = 2.0  # of two readings of the wind the one with half the mean square change is right
@@ -59,7 +58,7 @@ def assign_channels(context: TableContext, ship: ships.Actuators) -> ships.Actua
         context.draft.tree["actuator"] = [{"name": actuator.name, "kind": actuator.kind} for actuator in actuators]
     for column in columns:
         _assign_control_column(context, column)
-    if any(remark.endswith(AS_IN_ROS) for remark in context.draft.raw.remarks):
+    if any(remark.endswith(log_frames.AS_IN_ROS) for remark in context.draft.raw.remarks):
         _settle_axes_of_ros(context, actuators)
     return actuators
 
@@ -607,7 +606,7 @@ def _assign_wind_velocity(context: TableContext) -> bool:
         return False
     scale = quantities.unit_scale("m/s", unit_guess[0])
     air = [scale * draft.numbers_or_nan(candidate.column) for candidate in (north, east)]
-    wind = wind_towards(*air)
+    wind = log_frames.wind_towards(*air)
     changes = _mean_wind_changes(context, wind["direction"], wind["speed"])
     in_ship = _mean_wind_changes(context, np.rad2deg(np.arctan2(*air)), wind["speed"])
     if changes and changes["true"] > _CONTRADICTING_RATIO * min(in_ship["apparent"], in_ship["apparent to port"]):

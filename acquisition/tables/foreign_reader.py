@@ -233,15 +233,6 @@ READERS: dict[str, Callable[[str, CellBudget], Any]] = {
 }
 
 
-def _reason(error: Exception) -> str:
-    """Why a file is not read, in words for its user."""
-    if isinstance(error, ModuleNotFoundError):
-        return f"it needs the package {error.name}, which an extra of seatrial brings"
-    if isinstance(error, RefusedError):
-        return str(error)
-    return "it is damaged, cut short, or of another kind than its name says"
-
-
 def main(readers: Mapping[str, Callable[[str, CellBudget], Any]]) -> int:
     """Read one file by one of the ``readers`` under limits and write its content to stdout.
 
@@ -270,7 +261,12 @@ def main(readers: Mapping[str, Callable[[str, CellBudget], Any]]) -> int:
         except Exception as error:  # a damaged file makes these libraries fail in every possible way
             if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.EFBIG:
                 return 1
-            sys.stderr.write(_reason(error))
+            reason = "it is damaged, cut short, or of another kind than its name says"
+            if isinstance(error, ModuleNotFoundError):
+                reason = f"it needs the package {error.name}, which an extra of seatrial brings"
+            elif isinstance(error, RefusedError):
+                reason = str(error)
+            sys.stderr.write(reason)
             return _EXIT_REFUSED
     return 0
 

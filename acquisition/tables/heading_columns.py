@@ -12,9 +12,8 @@ import numpy as np
 
 from seatrial.acquisition.core import conventions, ship
 from seatrial.acquisition.core.quantities import Complexes, Floats, unit_scale
-from seatrial.acquisition.tables import column_map, evidence
+from seatrial.acquisition.tables import column_map, evidence, log_frames
 from seatrial.acquisition.tables.evidence import ColumnCandidate, MappingDraft, ScaleFit, TableContext, UnitGuess
-from seatrial.acquisition.tables.log_frames import are_axes_of_ros
 
 _MIN_VALUES_BEYOND_TURN = 3  # distinct values beyond a turn: codes for no value are fewer
 _TURN_DEG = 360.5
@@ -48,7 +47,7 @@ def unit_of_angle_column(context: TableContext, candidate: ColumnCandidate, name
     largest, span = float(np.max(np.abs(values))), float(np.ptp(values))
     headings = (context.channels.get(heading, {}) for heading in ("heading_deg", "heading_magnetic_deg"))
     heading_unit = next((entry["unit"] for entry in headings if entry), "")
-    is_ros = are_axes_of_ros(context.draft.raw.remarks)
+    is_ros = log_frames.are_axes_of_ros(context.draft.raw.remarks)
     rules = (
         (largest > _MAX_RADIANS, "deg", f"up to {largest:.4g}"),
         (is_ros and 0.0 < largest <= np.pi, "rad", _AS_ROS_HAS_THEM),

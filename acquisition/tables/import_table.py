@@ -161,7 +161,11 @@ def propose_column_map(
         draft.tree["trial"] = {"vessel": ship_name}
     _keep_rows_of_one_ship(draft)
     time_reading.find_time_columns(draft)
-    draft.tree["time"] |= _map_entries_of_answers(raw.time_answers or {})
+    draft.tree["time"] |= {  # of a log whose times have been settled, all but its day
+        _TIME_FIELDS[key]: int(value) if key == "year" else value
+        for key, value in (raw.time_answers or {}).items()
+        if key != "day"
+    }
     used = {draft.tree["time"]["column"], draft.tree["time"].get("date")}
     draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
     seconds = _row_seconds(draft)
@@ -727,13 +731,6 @@ _TIME_FIELDS = {
     "year": "year",
 }
 """The parts of ``[time]`` by the key of the answer."""
-
-
-def _map_entries_of_answers(answers: Mapping[str, str]) -> dict[str, Any]:
-    """What a map says under ``[time]`` of a log whose times ``answers`` have settled, but for its day."""
-    return {
-        _TIME_FIELDS[key]: int(value) if key == "year" else value for key, value in answers.items() if key != "day"
-    }
 
 
 def apply_map_answers(columns: column_map.ColumnMap, answers: Mapping[str, str]) -> column_map.ColumnMap:

@@ -30,17 +30,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.acquisition.tables import json_messages
-from seatrial.acquisition.tables.foreign_reader import (
-    CALENDARS,
-    CellBudget,
-    RefusedError,
-    dataset_values,
-    main,
-    members_of_group,
-    readable_attributes,
-    unpack_values,
-)
+from seatrial.acquisition.tables import foreign_reader, json_messages
 
 NANO, MICRO = 1_000_000_000, 1_000_000
 _LABVIEW_EPOCH_S = -2_082_844_800
@@ -110,7 +100,11 @@ class TopicBuilder:
             if len(column) < self.count:
                 column.append(np.nan)
         if not self.frames:
-            self.frames = _frame_names(message)
+            members = dict(_members(message) or ())
+            header = dict(_members(members.get("header")) or ())
+            names = {"frame_id": header.get("frame_id") or members.get("frame_id"),
+                     "child_frame_id": members.get("child_frame_id")}  # fmt: skip
+            self.frames = {key: name for key, name in names.items() if isinstance(name, str) and name}
         return len(numbers)
 
     def as_topic(self) -> dict[str, Any]:
@@ -127,7 +121,7 @@ class LogContent:
     """What a reader has found: topics, topics that it leaves out with the reason, remarks, and the parameters of an
     autopilot."""
 
-    def __init__(self, cells: CellBudget) -> None:
+    def __init__(self, cells: foreign_reader.CellBudget) -> None:
         self.cells = cells
         self.builders: dict[tuple[str, str], TopicBuilder] = {}
         self.topics: list[dict[str, Any]] = []
@@ -258,15 +252,6 @@ def _stamp_ns(message: Any) -> int:
     return 0
 
 
-def _frame_names(message: Any) -> dict[str, str]:
-    """The names of the frames that a message states."""
-    members = dict(_members(message) or ())
-    header = dict(_members(members.get("header")) or ())
-    names = {"frame_id": header.get("frame_id") or members.get("frame_id"),
-             "child_frame_id": members.get("child_frame_id")}  # fmt: skip
-    return {key: name for key, name in names.items() if isinstance(name, str) and name}
-
-
 def _cell_array(values: Iterable[Any]) -> Any:
     """Cells as an array: whole numbers, numbers with NaN for none, or text."""
     cells = list(values)
@@ -280,7 +265,7 @@ def _cell_array(values: Iterable[Any]) -> Any:
     return np.array([None if cell is None else str(cell) for cell in cells], dtype=object)
 
 
-def read_bags(path: str, cells: CellBudget) -> dict[str, Any]:
+def read_bags(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """ROS bags of either version, and MCAP files: a file, or a folder of those of one trip."""
     log = LogContent(cells)
     for bag in _bag_paths(Path(path)):
@@ -324,7 +309,7 @@ def _bag_paths(path: Path) -> list[Path]:
     patterns = [f"{depth}*.{suffix}" for depth in ("", "*/") for suffix in ("mcap", "db3", "bag")]
     bags = sorted(bag for pattern in patterns for bag in path.glob(pattern))
     if not bags:
-        raise RefusedError("the folder holds no .mcap, .db3 or .bag file")
+        raise foreign_reader.RefusedError("the folder holds no .mcap, .db3 or .bag file")
     return bags
 
 
@@ -383,7 +368,7 @@ def _read_rosbag(path: Path, log: LogContent) -> None:
         reader.open()
     except ReaderError as error:
         if "index" in str(error).lower():
-            raise RefusedError("it was not closed; `rosbag reindex` makes it readable") from error
+            raise foreign_reader.RefusedError("it was not closed; `rosbag reindex` makes it readable") from error
         raise
     with closing(reader):
         types, wanted = RosTypes(is_first=is_first), []
@@ -456,13 +441,13 @@ def _read_mcap(path: Path, log: LogContent) -> None:
                     channel.count += 1
                     if channel.decode is not None:
                         _add_decoded(log, channel.topic, channel.kind, record.log_time, record.data, channel.decode)
-        except (MemoryError, RefusedError):
+        except (MemoryError, foreign_reader.RefusedError):
             raise
         except Exception as error:  # the library promises no set of errors for a broken file
             count, place = sum(channel.count for channel in channels.values()), stream.tell()
             where = f"{path.name} was not closed, or is damaged or cut short at byte {place:,}"
             if count == 0:
-                raise RefusedError(f"{where}, before any message") from error
+                raise foreign_reader.RefusedError(f"{where}, before any message") from error
             log.remarks.append(
                 f"{where}: the {count:,} messages before are read, and `mcap recover` may save some behind"
             )
@@ -509,7 +494,7 @@ def _mcap_decoder(encoding: str, schema: Any, stores: dict[str, RosTypes]) -> Ca
     return None
 
 
-def read_ulog(path: str, cells: CellBudget) -> dict[str, Any]:
+def read_ulog(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """The topics of PX4's log, with times since the autopilot's start."""
     from pyulog import ULog
 
@@ -530,7 +515,7 @@ def read_ulog(path: str, cells: CellBudget) -> dict[str, Any]:
         lost_s = sum(dropout.duration for dropout in file.dropouts) / 1000.0
         log.remarks.append(f"the autopilot could not write {len(file.dropouts):,} times, {lost_s:.1f} s together")
     if not log.topics:
-        raise RefusedError("it holds no topic: it is damaged, or cut short")
+        raise foreign_reader.RefusedError("it holds no topic: it is damaged, or cut short")
     return log.as_dict()
 
 
@@ -556,7 +541,7 @@ _DATAFLASH = (
 """The messages of ArduPilot's log that are read: those of motion, outputs and surroundings."""
 
 
-def read_dataflash(path: str, cells: CellBudget) -> dict[str, Any]:
+def read_dataflash(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """The messages of ArduPilot's log, in units as the log states them, with times since the autopilot's start."""
     from pymavlink.DFReader import DFReader_binary
 
@@ -564,7 +549,7 @@ def read_dataflash(path: str, cells: CellBudget) -> dict[str, Any]:
         head = stream.read(_HEAD_BYTES)
     if head[:2] != b"\xa3\x95":
         if _FORMAT_LINE.search(head) is None:
-            raise RefusedError("it does not begin as a DataFlash log of ArduPilot")
+            raise foreign_reader.RefusedError("it does not begin as a DataFlash log of ArduPilot")
         return _read_dataflash_text(path, cells)
     reader, log = DFReader_binary(path), LogContent(cells)
     names = {number: entry.name for number, entry in reader.formats.items()}
@@ -599,7 +584,7 @@ def _since_boot(log: LogContent, units: Mapping[str, Mapping[str, str]]) -> dict
     """The content of a log of ArduPilot, whose times count from the autopilot's start."""
     content = log.as_dict()
     if not content["topics"]:
-        raise RefusedError("it holds no message of motion: it is damaged, or cut short")
+        raise foreign_reader.RefusedError("it holds no message of motion: it is damaged, or cut short")
     for topic in content["topics"]:
         topic["times"] = {"boot": topic["times"].get("log", np.zeros(topic["count"], dtype=np.int64))}
         stated = units.get(topic["name"], {})
@@ -609,7 +594,7 @@ def _since_boot(log: LogContent, units: Mapping[str, Mapping[str, str]]) -> dict
     return content
 
 
-def _read_dataflash_text(path: str, cells: CellBudget) -> dict[str, Any]:
+def _read_dataflash_text(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """The same of a log as text, whose numbers ground stations have put into their units."""
     log, columns, instances = LogContent(cells), dict[str, list[str]](), dict[str, str]()
     names, damaged = dict[str, str](), 0
@@ -644,7 +629,7 @@ def _number_or_text(cell: str) -> float | str:
         return cell
 
 
-def read_mdf(path: str, cells: CellBudget) -> dict[str, Any]:
+def read_mdf(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """The groups of a measurement by ASAM MDF, each with its own times."""
     from asammdf import MDF
 
@@ -712,7 +697,7 @@ def _labview_ns(times: Any) -> Any:
     return np.where(is_time, ns.view("datetime64[ns]"), np.datetime64("NaT"))
 
 
-def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:
+def read_tdms(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """The groups of a LabVIEW measurement; channels of the same starts, steps and length are a topic.
 
     An index beside the file is not used: it may be of another file, or end before.
@@ -726,11 +711,14 @@ def read_tdms(path: str, cells: CellBudget) -> dict[str, Any]:
         for group in file.groups():
             cells.count_cells(sum(map(len, group.channels())))
             waveforms: dict[tuple[Any, ...], dict[str, tuple[Any, str, str]]] = {}
-            has_times = any(map(_is_channel_of_times, group.channels()))
+            has_times = any(  # a channel that states the times of the others, by its type or its name
+                len(channel) > 0 and (channel.dtype.kind == "M" or _TIME_NAME.search(channel.name.lower()))
+                for channel in group.channels()
+            )
             for channel in group.channels():
                 try:
                     clock, parts = _waveform_parts(stated.get(channel.path, []), len(channel))
-                except RefusedError as error:
+                except foreign_reader.RefusedError as error:
                     log.leave_out(f"{group.name}/{channel.name}", "", len(channel), str(error))
                     continue
                 texts = (str(channel.properties.get(key, "") or "") for key in ("unit_string", "description"))
@@ -783,10 +771,10 @@ def _stated_in_tdms(stream: Any) -> tuple[dict[str, list[Statement]], int]:
 def _waveform_parts(statements: list[Statement], length: int) -> tuple[str, tuple[WaveformPart, ...]]:
     """The clock of a channel's waveform, and its parts; no clock for a channel that is none.
 
-    Raises RefusedError for samples that cannot be dated or scaled.
+    Raises foreign_reader.RefusedError for samples that cannot be dated or scaled.
     """
     if not length:
-        raise RefusedError("empty")
+        raise foreign_reader.RefusedError("empty")
     scale, clocks = "", dict[int, tuple[str, int, float]]()
     for first, properties in statements:
         before, scale = (
@@ -794,13 +782,17 @@ def _waveform_parts(statements: list[Statement], length: int) -> tuple[str, tupl
             "; ".join(str(value) for key, value in properties.items() if key[:3] != "wf_" and value),
         )
         if first and before not in ("", scale):
-            raise RefusedError(f"its unit or scale changes on the way, from {before[:40]!r} to {scale[:40]!r}")
+            raise foreign_reader.RefusedError(
+                f"its unit or scale changes on the way, from {before[:40]!r} to {scale[:40]!r}"
+            )
         clock = _waveform_clock(properties)
         if clock[0] and clock != next(reversed(clocks.values()), None):
             clocks[first] = clock
     firsts, kinds = [*clocks], {clock for clock, _, _ in clocks.values()}
     if len(kinds) > 1 or (firsts not in ([], [length]) and (firsts[0] or firsts[-1] == length)):
-        raise RefusedError("it states a start for a part of its samples, and it is not clear for which")
+        raise foreign_reader.RefusedError(
+            "it states a start for a part of its samples, and it is not clear for which"
+        )
     return kinds.pop() if kinds else "", tuple(
         (first % length, start_ns, step_s) for first, (_, start_ns, step_s) in clocks.items()
     )
@@ -809,19 +801,20 @@ def _waveform_parts(statements: list[Statement], length: int) -> tuple[str, tupl
 def _waveform_clock(about: Mapping[str, Any]) -> tuple[str, int, float]:
     """The clock of a waveform, its start [ns] and step [s]; no clock for what is none.
 
-    A start of zero, in 1904, is LabVIEW's for a waveform that has none. Raises RefusedError for what is no date.
+    A start of zero, in 1904, is LabVIEW's for a waveform that has none. Raises
+    :class:`RefusedError` for what is no date.
     """
     step_s, start = float(about.get("wf_increment", 0.0) or 0.0), about.get("wf_start_time")
     if not step_s:
         return "", 0, 0.0
     offset_s = float(about.get("wf_start_offset", 0.0) or 0.0)
     if not max(abs(step_s), abs(offset_s)) < _LATEST_LABVIEW_S:  # NaN is neither
-        raise RefusedError(f"its increment and offset, {step_s:g} and {offset_s:g} s, are no times")
+        raise foreign_reader.RefusedError(f"its increment and offset, {step_s:g} and {offset_s:g} s, are no times")
     offset_ns = round(offset_s * NANO)
     if start is None or not (start.seconds or start.second_fractions):
         return "boot", offset_ns, step_s
     if np.isnat(start_ns := _labview_ns(start)):
-        raise RefusedError("its start is no date")
+        raise foreign_reader.RefusedError("its start is no date")
     return "stamp", int(start_ns.astype(np.int64)) + offset_ns, step_s
 
 
@@ -834,12 +827,7 @@ def _waveform_ns(parts: tuple[WaveformPart, ...], length: int) -> Any:
     ])  # fmt: skip
 
 
-def _is_channel_of_times(channel: Any) -> bool:
-    """Whether a channel of a group states the times of the others, by its type or its name."""
-    return len(channel) > 0 and (channel.dtype.kind == "M" or bool(_TIME_NAME.search(channel.name.lower())))
-
-
-def read_hdf5(path: str, cells: CellBudget) -> dict[str, Any]:
+def read_hdf5(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """The groups and tables of an HDF5 file."""
     import h5py
 
@@ -847,8 +835,8 @@ def read_hdf5(path: str, cells: CellBudget) -> dict[str, Any]:
 
     def visit(group: Any, stem: str, depth: int) -> None:
         if depth > _MOST_NESTED:
-            raise RefusedError("its groups hold each other")
-        for name, item in members_of_group(group):
+            raise foreign_reader.RefusedError("its groups hold each other")
+        for name, item in foreign_reader.members_of_group(group):
             below = f"{stem}/{name}" if stem else name
             if isinstance(item, h5py.Group):
                 visit(item, below, depth + 1)
@@ -856,8 +844,8 @@ def read_hdf5(path: str, cells: CellBudget) -> dict[str, Any]:
                 log.leave_out(below, "", item.size, _NO_COLUMN)
             elif isinstance(item, h5py.Dataset) and item.ndim:
                 cells.count_cells(item.size * max(1, len(item.dtype.names or ())))
-                about = readable_attributes(item.attrs)
-                arrays[below] = unpack_values(dataset_values(item), about), about
+                about = foreign_reader.readable_attributes(item.attrs)
+                arrays[below] = foreign_reader.unpack_values(foreign_reader.dataset_values(item), about), about
 
     with h5py.File(path) as file:
         visit(file, "", 0)
@@ -865,7 +853,7 @@ def read_hdf5(path: str, cells: CellBudget) -> dict[str, Any]:
     return log.as_dict()
 
 
-def read_npz(path: str, cells: CellBudget) -> dict[str, Any]:
+def read_npz(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """The arrays of a NumPy archive; names with a stroke are in groups."""
     import zipfile
 
@@ -892,8 +880,8 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
         if not 0 < values.ndim <= 2 or values.dtype.kind == "c":
             log.leave_out(path, "", values.size, _NO_COLUMN)
             continue
-        calendar = _decoded_text(attributes.get("calendar", CALENDARS[0]))
-        if calendar.lower() not in CALENDARS:
+        calendar = _decoded_text(attributes.get("calendar", foreign_reader.CALENDARS[0]))
+        if calendar.lower() not in foreign_reader.CALENDARS:
             log.leave_out(path, "", values.size, f"its times are of the calendar {calendar!r}")
             continue
         *above, name = _STROKES.split(path)
@@ -956,7 +944,7 @@ def _decoded_text(value: Any) -> str:
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
-def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
+def read_json_lines(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """JSON objects, one a line or in an array, or an object of arrays: of one topic, of several by a key, names and
     values, or of canboat or Signal K.
 
@@ -966,7 +954,7 @@ def read_json_lines(path: str, cells: CellBudget) -> dict[str, Any]:
     vessels, senders = dict[str, LogContent](), dict[str, json_messages.Senders]()
     for number, entry in _json_entries(Path(path), log):
         if not isinstance(entry, dict):
-            raise RefusedError(f"line {number} is no JSON object")
+            raise foreign_reader.RefusedError(f"line {number} is no JSON object")
         ship = str(entry.get("context", own_vessel))
         if (messages := json_messages.messages_of_program(entry, senders.setdefault(ship, {}))) is not None:
             content = vessels.setdefault(ship, LogContent(cells))
@@ -1002,7 +990,9 @@ def _json_entries(path: Path, log: LogContent) -> Iterator[tuple[int, Any]]:
             try:
                 content, second = json.load(stream), None
             except ValueError as error:
-                raise RefusedError(f"it is neither JSON nor lines of it: {str(error)[:100]}") from error
+                raise foreign_reader.RefusedError(
+                    f"it is neither JSON nor lines of it: {str(error)[:100]}"
+                ) from error
         if second is not None:
             yield number, content
             broken, first_broken, reason = 0, 0, ""
@@ -1016,7 +1006,9 @@ def _json_entries(path: Path, log: LogContent) -> Iterator[tuple[int, Any]]:
                     continue
                 yield number, entry
             if broken > max(1, _MOST_BROKEN * number):
-                raise RefusedError(f"line {first_broken} is no JSON: {reason}, and {broken - 1:,} others are none")
+                raise foreign_reader.RefusedError(
+                    f"line {first_broken} is no JSON: {reason}, and {broken - 1:,} others are none"
+                )
             if broken:
                 which = f"{broken:,} lines, the first line {first_broken}, are no JSON"
                 cut = f"the last line, {number}, breaks off"
@@ -1076,7 +1068,7 @@ def _parse_payload(value: Any) -> Any:
         return value
 
 
-def read_sqlite(path: str, cells: CellBudget) -> dict[str, Any]:
+def read_sqlite(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """The tables of an SQLite file; a table of names and values is a topic for each name."""
     import sqlite3
     from urllib.parse import quote
@@ -1158,10 +1150,12 @@ def _as_numbers_if_possible(column: Any) -> Any:
         return column
 
 
-def unpacking(read: Callable[[str, CellBudget], Any]) -> Callable[[str, CellBudget], Any]:
+def unpacking(
+    read: Callable[[str, foreign_reader.CellBudget], Any],
+) -> Callable[[str, foreign_reader.CellBudget], Any]:
     """A reader that unpacks a compressed log first, within the limits of the process."""
 
-    def read_unpacked(path: str, cells: CellBudget) -> Any:
+    def read_unpacked(path: str, cells: foreign_reader.CellBudget) -> Any:
         opener = _OPENERS.get(Path(path).suffix.lower())
         if opener is None:
             return read(path, cells)
@@ -1174,7 +1168,7 @@ def unpacking(read: Callable[[str, CellBudget], Any]) -> Callable[[str, CellBudg
     return read_unpacked
 
 
-READERS: dict[str, Callable[[str, CellBudget], Any]] = {
+READERS: dict[str, Callable[[str, foreign_reader.CellBudget], Any]] = {
     name: unpacking(read)
     for name, read in {
         "bags": read_bags,
@@ -1191,6 +1185,6 @@ READERS: dict[str, Callable[[str, CellBudget], Any]] = {
 
 
 if __name__ == "__main__":
-    code = main(READERS)
+    code = foreign_reader.main(READERS)
     sys.stderr.flush()
     os._exit(code)  # what libraries say of their half-open files at the end would be taken for the reason

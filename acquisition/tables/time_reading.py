@@ -16,18 +16,9 @@ from zoneinfo import available_timezones
 import numpy as np
 import pandas as pd
 
+from seatrial.acquisition.core import times
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.quantities import Ints
-from seatrial.acquisition.core.times import (
-    DAY_NS,
-    ORDERS,
-    YEAR_LAST,
-    Stamp,
-    gps_minus_utc_s,
-    infer_date_order,
-    is_ambiguous_zone,
-    zone_offset_s,
-)
 from seatrial.acquisition.core.trial import NANO
 from seatrial.acquisition.tables import time_columns
 from seatrial.acquisition.tables.column_names import TIME_WORDS, split_into_words
@@ -89,8 +80,8 @@ def find_time_columns(draft: MappingDraft) -> None:
             return draft.note_interpretation(date, "date", "", f"with the time in {clock!r}")
     week, time_of_week = (next(iter(draft.candidates_for(name)), None) for name in ("gps_week", "time_of_week"))
     if week and not time_of_week and np.nanmedian(draft.numbers_or_nan(week.column)) >= _ROLLED_WEEKS:
-        times = [candidate for candidate in draft.candidates_for("time") if candidate.column in of_kind("number")]
-        within_week = (time for time in times if np.nanmax(draft.numbers_or_nan(time.column)) <= _WEEK_S)
+        numeric = [candidate for candidate in draft.candidates_for("time") if candidate.column in of_kind("number")]
+        within_week = (time for time in numeric if np.nanmax(draft.numbers_or_nan(time.column)) <= _WEEK_S)
         time_of_week = next(within_week, None)
     if week and time_of_week:
         return _note_gps_week_columns(draft, week.column, time_of_week)
@@ -178,8 +169,8 @@ def _column_kind(draft: MappingDraft, column: str) -> str:
         ):
             are_midnights = len(texts) > 1 and all(re.fullmatch(r"\S+[T ]00:00(:00)?", text) for text in texts)
             return "date" if kind == "both" and are_midnights else kind  # a spreadsheet's dates
-    times = pd.to_datetime(cells.head(_MOST_CELLS), format="ISO8601", errors="coerce", utc=True)
-    return "both" if times.notna().all() else ""
+    moments = pd.to_datetime(cells.head(_MOST_CELLS), format="ISO8601", errors="coerce", utc=True)
+    return "both" if moments.notna().all() else ""
 
 
 def _find_time_by_cells(draft: MappingDraft) -> str | None:
@@ -208,7 +199,7 @@ def _unit_of_count_column(cells: pd.Series[Any]) -> str:
         if unit == "s" and step >= _COARSE_STEP:
             low = _COARSE_FROM_S
         if (
-            low < median < high and step * time_columns.NS_IN.get(unit, NANO) <= DAY_NS
+            low < median < high and step * time_columns.NS_IN.get(unit, NANO) <= times.DAY_NS
         ):  # µs since a start are as large
             return unit
     for system, (_, low, high) in _SERIALS.items():
@@ -261,7 +252,7 @@ def _start_of_gps_seconds(draft: MappingDraft, column: str, unit: str) -> str:
         return ""
     since_ns = int(np.nanmedian(draft.numbers_or_nan(column)) * time_columns.NS_IN[unit])
     gps_ns = _GPS_EPOCH.value + since_ns
-    if gps_ns > draft.raw.path.stat().st_mtime_ns + DAY_NS:
+    if gps_ns > draft.raw.path.stat().st_mtime_ns + times.DAY_NS:
         return ""
     dates = [pd.Timestamp(ns).date() for ns in (since_ns, gps_ns)]
     text = (
@@ -269,7 +260,7 @@ def _start_of_gps_seconds(draft: MappingDraft, column: str, unit: str) -> str:
     )
     if draft.ask("since", text, ("1970", "1980")) != "1980":
         return ""
-    return f"{(_GPS_EPOCH - pd.Timedelta(gps_minus_utc_s(gps_ns), 's')).isoformat()}+00:00"
+    return f"{(_GPS_EPOCH - pd.Timedelta(times.gps_minus_utc_s(gps_ns), 's')).isoformat()}+00:00"
 
 
 def _warn_of_rounded_days(draft: MappingDraft, column: str) -> None:
@@ -308,8 +299,8 @@ def _note_text_time_column(draft: MappingDraft, entry: dict[str, Any], why: str)
     if not stamps:
         raise _no_time_error(draft, [column])
     dates = time_columns.distinct_dates(stamps)
-    order, reason = infer_date_order(dates)
-    possible = [option for option in ORDERS if all(option in stamp.orders for stamp in dates)]
+    order, reason = times.infer_date_order(dates)
+    possible = [option for option in times.ORDERS if all(option in stamp.orders for stamp in dates)]
     example = next((stamp for stamp in dates if len(stamp.orders) > 1), dates[0])
     days = {option: pd.Timestamp(example.local_ns(option)) for option in possible}
     readings = {option: f"{day.day} {day:%B %Y}" for option, day in days.items()}
@@ -317,7 +308,7 @@ def _note_text_time_column(draft: MappingDraft, entry: dict[str, Any], why: str)
     if answer is not None and possible and answer not in possible:
         contradiction = next(stamp.text for stamp in dates if answer not in stamp.orders)
         raise ConfigurationError(f"answer date_order={answer} cannot be used", why=f"there is {contradiction!r}")
-    if reason == YEAR_LAST and answer is None:
+    if reason == times.YEAR_LAST and answer is None:
         alternative = next(option for option in possible if option != order)
         draft.warnings.append(
             f"{example.text!r} is taken for {readings[order]}, as {reason};"
@@ -404,7 +395,7 @@ def _note_seconds_column(draft: MappingDraft, column: str, stated_unit: str = ""
 def _note_time_column(
     draft: MappingDraft,
     entry: dict[str, Any],
-    stamps: list[Stamp],
+    stamps: list[times.Stamp],
     why: str,
     unit: str = "",
     *,
@@ -435,7 +426,7 @@ def _resolve_zone(draft: MappingDraft, entry: Mapping[str, Any], ambiguous: str)
     column = entry["column"]
     name = f"{column} {draft.raw.units.get(column, '')} {entry.get('date', '')}"
     stated = time_columns.GPS if entry["format"] == time_columns.GPS_WEEK else _zone_in_name(name)
-    if "zone" not in draft.answers and not ambiguous and not is_ambiguous_zone(stated) and stated:
+    if "zone" not in draft.answers and not ambiguous and not times.is_ambiguous_zone(stated) and stated:
         if stated == time_columns.GPS:
             draft.warnings.append(
                 f"{column!r} is taken for GPS time, which is ahead of UTC by the leap seconds, 18 s since 2017;"
@@ -493,7 +484,7 @@ def _zone_column(draft: MappingDraft) -> tuple[str, tuple[str, ...]]:
 
 
 def _is_zone(text: str) -> bool:
-    return text in available_timezones() or zone_offset_s(text) is not None
+    return text in available_timezones() or times.zone_offset_s(text) is not None
 
 
 def _zone_in_name(name: str) -> str:
@@ -507,7 +498,7 @@ def _zone_in_name(name: str) -> str:
     if words & _UTC_WORDS:
         return "UTC"
     for word in re.findall(r"(?<![A-Za-z])[A-Z]{3,4}(?![A-Za-z])", name):
-        if zone_offset_s(word) is not None or is_ambiguous_zone(word):
+        if times.zone_offset_s(word) is not None or times.is_ambiguous_zone(word):
             return str(word)
     is_gps = words & _GPS_WORDS or ("gps" in words and set(split_into_words(name)) <= TIME_WORDS | {"gps"})
     return time_columns.GPS if is_gps else ""

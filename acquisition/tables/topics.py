@@ -30,25 +30,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.quantities import Ints
 from seatrial.acquisition.core.trial import NANO, SOFTWARE, Frame, iso_utc
 from seatrial.acquisition.sources import Source
-from seatrial.acquisition.tables import column_names, evidence, time_columns, time_reading
-from seatrial.acquisition.tables.log_frames import (
-    SHAFT_SPEEDS,
-    Fields,
-    LogField,
-    ServoOutputs,
-    interpret_autopilot,
-    interpret_ros,
-    servo_outputs,
-)
-from seatrial.acquisition.tables.table_files import (
-    OPENERS,
-    RawTable,
-    kind_and_compression_suffix,
-    parse_trial,
-    read_raw_table,
-    require_package,
-    times_since,
-)
+from seatrial.acquisition.tables import column_names, evidence, log_frames, table_files, time_columns, time_reading
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -126,7 +108,7 @@ class LogTopic:
     count: int
     time_ns: Ints
     clock: str
-    fields: Fields = field(default_factory=dict)
+    fields: log_frames.Fields = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     questions: tuple[evidence.Question, ...] = ()
     answered: frozenset[str] = frozenset()
@@ -225,7 +207,9 @@ class TopicLog:
         columns = {topic.column(path): entry for topic in self.topics for path, entry in topic.fields.items()
                    if entry.meaning is not None and entry.samples.dtype.kind in "biuf"}  # fmt: skip
         heads = pd.DataFrame(columns=[*columns])
-        raw = RawTable(self.path, heads, units=_unit_by_column(columns), meanings=_meaning_by_column(columns))
+        raw = table_files.RawTable(
+            self.path, heads, units=_unit_by_column(columns), meanings=_meaning_by_column(columns)
+        )
 
         def rank(candidate: evidence.ColumnCandidate) -> tuple[float, int]:
             return -candidate.cover, -int(np.count_nonzero(~np.isnan(columns[candidate.column].samples)))
@@ -246,11 +230,11 @@ class TopicLog:
         return best
 
 
-def _unit_by_column(columns: Mapping[str, LogField]) -> dict[str, str]:
+def _unit_by_column(columns: Mapping[str, log_frames.LogField]) -> dict[str, str]:
     return {name: entry.unit for name, entry in columns.items() if entry.unit}
 
 
-def _meaning_by_column(columns: Mapping[str, LogField]) -> dict[str, str]:
+def _meaning_by_column(columns: Mapping[str, log_frames.LogField]) -> dict[str, str]:
     return {name: entry.meaning for name, entry in columns.items() if entry.meaning}
 
 
@@ -264,9 +248,9 @@ def log_format(path: Path) -> LogFormat | None:
         if is_bag or "other" in map(_mcap_writer, path.glob("*.mcap")):
             return ROS_BAG
         return _PARQUET if any(path.rglob("*.parquet")) else None
-    suffix, compression = (part.lower() for part in kind_and_compression_suffix(path))
+    suffix, compression = (part.lower() for part in table_files.kind_and_compression_suffix(path))
     if suffix in (".dat", ".log") and path.is_file():
-        with suppress(OSError, EOFError, LZMAError), OPENERS[compression](path) as stream:
+        with suppress(OSError, EOFError, LZMAError), table_files.OPENERS[compression](path) as stream:
             head = stream.read(_HEADER_BYTES)
             if suffix == ".log":
                 return DATAFLASH if _DATAFLASH_HEAD.match(head) else None
@@ -290,7 +274,7 @@ def read_log(path: Path, kind: LogFormat, answers: Mapping[str, str] | None = No
         content = _parquet_content(path)
     else:
         if kind.module:
-            require_package(kind.module, kind.extra, path)
+            table_files.require_package(kind.module, kind.extra, path)
         if process.bytes_of_files(path) == 0:
             raise InputError("is empty", where=str(path), fix="give a log with data")
         content = process.read_in_child(LOG_READERS, kind.reader, path, "log")
@@ -302,7 +286,9 @@ def read_log(path: Path, kind: LogFormat, answers: Mapping[str, str] | None = No
     if any("boot" in entry["times"] for entry in content["topics"]):
         remarks.append(offset_remark)
     left_out, kinds = dict(content["left_out"]), {entry["kind"] for entry in content["topics"]}
-    outputs = servo_outputs(content.get("parameters", {}), has_shaft_speed=bool(kinds & SHAFT_SPEEDS))
+    outputs = log_frames.servo_outputs(
+        content.get("parameters", {}), has_shaft_speed=bool(kinds & log_frames.SHAFT_SPEEDS)
+    )
     for entry in content["topics"]:
         try:
             topic = _topic_of(path, entry, kind, offset_ns, lag_ns, outputs, answers or {})
@@ -388,7 +374,7 @@ def _messages_of_topic(topic: LogTopic) -> Iterator[tuple[int, bytes]]:
 
 def read_table_or_log(
     path: Path | str, columns: Collection[str] = (), answers: Mapping[str, str] | None = None
-) -> RawTable:
+) -> table_files.RawTable:
     """The table in a file, or that of a log of several topics with the ``columns`` of a map.
 
     The times of a log are read by those of the ``answers`` that concern them, those of a table with its map. Raises
@@ -396,7 +382,7 @@ def read_table_or_log(
     """
     path = Path(path)
     kind = log_format(path) if path.exists() else None
-    return read_raw_table(path) if kind is None else read_log_table(path, kind, columns, answers)
+    return table_files.read_raw_table(path) if kind is None else read_log_table(path, kind, columns, answers)
 
 
 TIME_ANSWERS = ("zone", "date_order", "year", "day", "time_unit", "since")
@@ -405,7 +391,7 @@ TIME_ANSWERS = ("zone", "date_order", "year", "day", "time_unit", "since")
 
 def read_log_table(
     path: Path, kind: LogFormat, columns: Collection[str] = (), answers: Mapping[str, str] | None = None
-) -> RawTable:
+) -> table_files.RawTable:
     """The table of a log: the columns that can be channels, or those that a map names.
 
     Raises :class:`InputError` as :func:`read_log`, for a recording of this product, and beyond the budget of cells.
@@ -433,32 +419,34 @@ def read_log_table(
     fields = {topic.column(name): entry for topic, fields in parts for name, entry in fields.items()}
     questions = {question.key: question for topic, _ in parts for question in reversed(topic.questions)}
     answered = {key: answers[key] for topic, _ in parts for key in topic.answered}
-    return RawTable(
+    return table_files.RawTable(
         path, frame, units=_unit_by_column(fields), meanings=_meaning_by_column(fields), remarks=tuple(remarks),
         questions=(*questions.values(),), time_answers=answered,
     )  # fmt: skip
 
 
-def _exported_table(log: TopicLog) -> RawTable:
+def _exported_table(log: TopicLog) -> table_files.RawTable:
     """The table of an export of this product, under the names and in the units that it had."""
-    names, parts = set(map(str, log.exported["columns"])), list[tuple[LogTopic, Fields]]()
+    names, parts = set(map(str, log.exported["columns"])), list[tuple[LogTopic, log_frames.Fields]]()
     for topic in log.topics:
-        fields = Fields()
+        fields = log_frames.Fields()
         for path, entry in topic.fields.items():
             is_number = log.format.convention == "ros" and path == "data"
             plain = topic.name.removeprefix("/") if is_number else path
             name, factor = _EXPORTED_FIELDS.get(topic.column(path), (plain, 1.0))
             if name in names:
-                fields[name] = LogField(factor * entry.samples)
+                fields[name] = log_frames.LogField(factor * entry.samples)
         if fields:
             parts.append((replace(topic, name="", fields=fields), fields))
     if not parts:
         raise InputError("has no column that its own description names", where=str(log.path), fix="export it again")
     frame = _join_topics(log.path, parts)
-    return RawTable(log.path, frame, parse_trial(log.exported["trial"]), remarks=log.remarks)
+    return table_files.RawTable(
+        log.path, frame, table_files.parse_trial(log.exported["trial"]), remarks=log.remarks
+    )
 
 
-def _join_topics(path: Path, parts: list[tuple[LogTopic, Fields]]) -> pd.DataFrame:
+def _join_topics(path: Path, parts: list[tuple[LogTopic, log_frames.Fields]]) -> pd.DataFrame:
     """The columns of topics on all their times; a single topic stays in the order of its file."""
     stamps = [topic.time_ns for topic, _ in parts]
     rows, count = rows_by_time(stamps) if len(parts) > 1 else ([np.arange(stamps[0].size)], stamps[0].size)
@@ -535,12 +523,12 @@ def _topic_of(
     kind: LogFormat,
     offset_ns: int,
     lag_ns: int,
-    outputs: ServoOutputs,
+    outputs: log_frames.ServoOutputs,
     answers: Mapping[str, str],
 ) -> LogTopic:
     """A topic as a reader found it, with its clock settled and its fields in the product's frames."""
-    name, fields = entry["name"], {key: LogField(*parts) for key, parts in entry["fields"].items()}
-    stated, draft = entry["times"], evidence.MappingDraft(RawTable(path, pd.DataFrame()), answers)
+    name, fields = entry["name"], {key: log_frames.LogField(*parts) for key, parts in entry["fields"].items()}
+    stated, draft = entry["times"], evidence.MappingDraft(table_files.RawTable(path, pd.DataFrame()), answers)
     if "boot" in stated:
         clock = "the autopilot's clock, set by GPS" if offset_ns else "counted from the start of the log"
         time_ns, fields, remarks = _without_broken_stamps(stated["boot"], fields)
@@ -556,10 +544,10 @@ def _topic_of(
     if not fields:
         raise InputError("has no numbers")
     if kind.convention == "ros":
-        result = interpret_ros(name, entry["kind"], fields, entry["frames"])
+        result = log_frames.interpret_ros(name, entry["kind"], fields, entry["frames"])
         fields, remarks = result.fields, [*result.remarks, *remarks]
     elif kind.convention == "autopilot":
-        autopilot = interpret_autopilot(name, entry["kind"], fields, outputs)
+        autopilot = log_frames.interpret_autopilot(name, entry["kind"], fields, outputs)
         fields, remarks = autopilot.fields, [*autopilot.remarks, *remarks]
     named = {
         key: value if value.meaning != "" else plain_meaning(name, key, value, is_only=len(fields) == 1)
@@ -570,7 +558,7 @@ def _topic_of(
                     frozenset(draft.used_answers))  # fmt: skip
 
 
-def _without_broken_stamps(boot_ns: Ints, fields: Fields) -> tuple[Ints, Fields, list[str]]:
+def _without_broken_stamps(boot_ns: Ints, fields: log_frames.Fields) -> tuple[Ints, log_frames.Fields, list[str]]:
     """The times of an autopilot [n] and its fields without rows whose time is far from both its neighbours', which
     agree: a broken byte; and a remark."""
     steps = np.diff(boot_ns, prepend=boot_ns[:1], append=boot_ns[-1:])
@@ -582,7 +570,10 @@ def _without_broken_stamps(boot_ns: Ints, fields: Fields) -> tuple[Ints, Fields,
     broken = np.where(is_end, far[:-1] | far[1:], far[:-1] & far[1:]) & (np.abs(across) <= _FAR_NS)
     if not broken.any():
         return boot_ns, fields, []
-    kept = {name: LogField(entry.samples[~broken], entry.unit, entry.meaning) for name, entry in fields.items()}
+    kept = {
+        name: log_frames.LogField(entry.samples[~broken], entry.unit, entry.meaning)
+        for name, entry in fields.items()
+    }
     return boot_ns[~broken], kept, [f"{np.count_nonzero(broken):,} rows have a broken time: left out"]
 
 
@@ -669,8 +660,8 @@ def _boot_offset_ns(topics: list[Mapping[str, Any]]) -> tuple[int, str]:
 
 
 def _times_in_fields(
-    path: Path, name: str, fields: Fields, answers: Mapping[str, str]
-) -> tuple[Ints, str, Fields, list[str], evidence.MappingDraft]:
+    path: Path, name: str, fields: log_frames.Fields, answers: Mapping[str, str]
+) -> tuple[Ints, str, log_frames.Fields, list[str], evidence.MappingDraft]:
     """The times of a topic that are one of its fields, found as in a table; its other fields, and the draft
     with the questions that the times leave open.
 
@@ -679,14 +670,14 @@ def _times_in_fields(
     remarks = list[str]()
     for key, entry in fields.items():
         try:
-            since = times_since(entry.samples, entry.unit, path)
+            since = table_files.times_since(entry.samples, entry.unit, path)
         except InputError as error:  # hours since an overhaul are no times
             remarks.append(f"of {key!r}, {error.what}")
             continue
         if since is not None:
-            fields = {**fields, key: LogField(since.to_numpy(), "", entry.meaning)}
+            fields = {**fields, key: log_frames.LogField(since.to_numpy(), "", entry.meaning)}
     frame = pd.DataFrame({key: pd.Series(entry.samples) for key, entry in fields.items()})
-    raw = RawTable(path, frame.infer_objects(), units=_unit_by_column(fields))
+    raw = table_files.RawTable(path, frame.infer_objects(), units=_unit_by_column(fields))
     draft = evidence.MappingDraft(raw, answers)
     draft.candidates = evidence.column_candidates(raw)
     time_reading.find_time_columns(draft)
@@ -698,7 +689,7 @@ def _times_in_fields(
         raise InputError(f"no time of {time.column!r} can be read")
     used = {entry["column"], entry.get("date")}
     turned = timed.raw.columns
-    remaining = {key: LogField(turned[key].to_numpy()[has_time], value.unit, value.meaning)
+    remaining = {key: log_frames.LogField(turned[key].to_numpy()[has_time], value.unit, value.meaning)
                  for key, value in fields.items() if key not in used}  # fmt: skip
     remarks += [*draft.warnings, *timed.remarks]
     if not has_time.all():
@@ -706,7 +697,9 @@ def _times_in_fields(
     return timed.index.asi8[has_time], f"its column {time.column!r}", remaining, remarks, draft
 
 
-def plain_meaning(topic: str, path: str, entry: LogField, *, is_only: bool = False) -> LogField:
+def plain_meaning(
+    topic: str, path: str, entry: log_frames.LogField, *, is_only: bool = False
+) -> log_frames.LogField:
     """A field with its meaning by the last names of its path and topic that are those of a quantity.
 
     The topic alone names a field that has no name of its own, or that ``is_only`` one: a counter beside the heading
@@ -734,7 +727,7 @@ def plain_meaning(topic: str, path: str, entry: LogField, *, is_only: bool = Fal
             plain = " ".join(_EMPTY_WORDS.sub(" ", " ".join(column_names.split_into_words(name))).split())
             if plain and column_names.match_quantities(plain):
                 place = _place_words(words) - set(plain.split())
-                return LogField(entry.samples, unit, " ".join([*sorted(place), plain]))
+                return log_frames.LogField(entry.samples, unit, " ".join([*sorted(place), plain]))
     return entry
 
 
@@ -752,11 +745,13 @@ def _parquet_content(path: Path) -> dict[str, Any]:
 
     Folders of a partition such as ``day=2026-05-17`` are parts of the folder that they are in.
     """
-    parts: dict[str, list[RawTable]] = {}
+    parts: dict[str, list[table_files.RawTable]] = {}
     for file in sorted(path.rglob("*.parquet")):
         folders = [name for name in file.relative_to(path).parts[:-1] if "=" not in name]
         is_part = len(folders) < len(file.relative_to(path).parts) - 1
-        parts.setdefault("/".join(folders if is_part else [*folders, file.stem]), []).append(read_raw_table(file))
+        parts.setdefault("/".join(folders if is_part else [*folders, file.stem]), []).append(
+            table_files.read_raw_table(file)
+        )
     heads = {tuple(raw.names) for tables in parts.values() for raw in tables}
     if len(heads) == 1:
         parts = {"": [raw for tables in parts.values() for raw in tables]}

@@ -23,9 +23,7 @@ from seatrial.acquisition.core.ship import wrap_360
 from seatrial.analysis.conduct import run as runs
 from seatrial.analysis.conduct.outlook import Outlook, RunOutlook, predicted_words
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, proposed_heading
-from seatrial.analysis.manoeuvres import criteria
-from seatrial.analysis.manoeuvres.conducted import MARGIN_S, ConductedRun, JudgedSpan
-from seatrial.analysis.manoeuvres.indices import Manoeuvre
+from seatrial.analysis.manoeuvres import conducted, criteria, indices
 from seatrial.analysis.tables.table import NANO
 
 Outcome = Literal["valid", "invalid", "aborted", "skipped"]
@@ -55,7 +53,7 @@ class SailedRun:
     recordings: tuple[str, ...] = ()
 
     @property
-    def manoeuvre(self) -> Manoeuvre | None:
+    def manoeuvre(self) -> indices.Manoeuvre | None:
         """What was found of it, None where nothing was."""
         return self.verdict.manoeuvre if self.verdict else None
 
@@ -145,7 +143,7 @@ class Conductor:
                 wanted[place] = count
         return wanted
 
-    def judged_span_of(self, entry: SailedRun) -> JudgedSpan:
+    def judged_span_of(self, entry: SailedRun) -> conducted.JudgedSpan:
         """The part of the recording that a run which was ordered is judged by."""
         state = runs.RunState(
             orders_ns=(entry.executed_ns,), ended_ns=entry.ended_ns, earliest_ns=entry.earliest_ns
@@ -193,7 +191,7 @@ class Conductor:
 
     def verdict_is_due(self, now_ns: int) -> bool:
         """Whether what the judgement takes of the time after the run has been recorded."""
-        return self.is_waiting_for_verdict and now_ns >= self.state.ended_ns + round(MARGIN_S * NANO)
+        return self.is_waiting_for_verdict and now_ns >= self.state.ended_ns + round(conducted.MARGIN_S * NANO)
 
     def judge(self, table: pd.DataFrame, stated: Conditions | None = None) -> SailedRun:
         """Judge the run that has ended, by the samples recorded of it, and choose the next."""
@@ -283,7 +281,7 @@ class Conductor:
         ordered, over = (pd.Timestamp(at_ns, unit="ns", tz="UTC") if entry.executed_ns and at_ns else None
                          for at_ns in (entry.executed_ns, entry.ended_ns))  # fmt: skip
         reasons = tuple(reason for reason in entry.reasons if reason != entry.outcome)
-        return ConductedRun(
+        return conducted.ConductedRun(
             entry.number,
             entry.name,
             entry.outcome,

@@ -41,19 +41,9 @@ from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.logger import health, requests
 from seatrial.acquisition.recording import reader
 from seatrial.analysis.conduct import outlook
+from seatrial.analysis.conduct import run as runs
 from seatrial.analysis.conduct.conductor import Conductor, SailedRun
 from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme
-from seatrial.analysis.conduct.run import (
-    LONGEST_GAP_S,
-    Call,
-    Instant,
-    RunState,
-    execute_words,
-    instant_of,
-    judged_span,
-    next_words,
-    unmeasured_of_run,
-)
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.conducted import JudgedSpan
 from seatrial.analysis.tables.table import NANO
@@ -105,7 +95,7 @@ class InstantMaker:
         self._newest: dict[str, tuple[int, float]] = {}
         self._last_ns = 0
 
-    def take(self, samples: Mapping[str, Series]) -> list[Instant]:
+    def take(self, samples: Mapping[str, Series]) -> list[runs.Instant]:
         """The instants that some samples complete."""
         times, names, values = list[int](), list[str](), list[float]()
         for name, series in samples.items():
@@ -130,12 +120,12 @@ class InstantMaker:
         """Whether there were values of a channel."""
         return name in self._newest
 
-    def _instant(self, time_ns: int) -> Instant:
+    def _instant(self, time_ns: int) -> runs.Instant:
         fresh = {name: value for name, (at_ns, value) in self._newest.items() if time_ns - at_ns <= _STALE_S * NANO}
         heading_ns, _ = self._newest.get("heading_deg", (0, nan))
         if time_ns - heading_ns > _INSTANT_S * NANO:
             fresh.pop("heading_deg", None)
-        return instant_of(time_ns, fresh, self._actuators)
+        return runs.instant_of(time_ns, fresh, self._actuators)
 
 
 class ConductedTrial:
@@ -151,7 +141,7 @@ class ConductedTrial:
         folder: Path | None = None,
         maker: outlook.OutlookMaker | None = None,
     ) -> None:
-        self.conductor, self.last_call = conductor, Call("", "", 0)
+        self.conductor, self.last_call = conductor, runs.Call("", "", 0)
         self._notify, self._folder = notify, folder
         self.follower = requests.Follower(name, configuration, HISTORY_S, notify, folder)
         self._resumed = conductor.state.newest is not None or bool(conductor.sailed)
@@ -184,16 +174,16 @@ class ConductedTrial:
         if self.conductor.programme.programme.least_depth_m:
             judged_by["the depth of the water"] = ("depth_below_transducer_m", "water_depth_m")
         missing = [name for name, channels in judged_by.items() if not any(map(self._maker.has, channels))]
-        return [*unmeasured_of_run(newest, run), *missing]
+        return [*runs.unmeasured_of_run(newest, run), *missing]
 
     @property
     def silent_s(self) -> float:
         """How long nothing has come [s]."""
         return time.monotonic() - self._heard_s
 
-    def poll(self) -> list[Call]:
+    def poll(self) -> list[runs.Call]:
         """Take in what was recorded since, judge a run that is over, send marks; what is called."""
-        news, calls = self.follower.news(), list[Call]()
+        news, calls = self.follower.news(), list[runs.Call]()
         if news.restarted:
             self._read_recordings_before()
             self._begun, self._maker = news, None
@@ -265,7 +255,7 @@ class ConductedTrial:
             return stated_ns
         if (later_s := later_ns / NANO) < -_BACK_AT_START_S:
             return later_ns
-        if later_s > LONGEST_GAP_S:
+        if later_s > runs.LONGEST_GAP_S:
             later = f"{later_s / 3600.0:.1f} h" if later_s >= 3600.0 else f"{later_s / 60.0:.0f} min"
             words = f"the recording begins {later} after the end of the one before"
             self._notify("warning", f"{words}: nothing was recorded, or the computer's clock was set")
@@ -285,13 +275,13 @@ class ConductedTrial:
         self._pieces.clear()
         self._maker, self.newest_ns, self._resumed = None, 0, True
 
-    def _advance(self, samples: Mapping[str, Series]) -> list[Call]:
+    def _advance(self, samples: Mapping[str, Series]) -> list[runs.Call]:
         """What is called at the instants that some samples complete."""
         if self._maker is None:
             trial = self.follower.trial
             attributes = {"trial": {"vessel": trial.vessel, "actuators": trial.actuators}}
             self._maker = InstantMaker(ship.actuators_of_table(samples, attributes))
-        conductor, instants, calls = self.conductor, self._maker.take(samples), list[Call]()
+        conductor, instants, calls = self.conductor, self._maker.take(samples), list[runs.Call]()
         begins = bool(instants) and not self.newest_ns and not self._resumed
         if begins:  # what was before is not of the programme
             first_ns = instants[-1].time_ns - round(2.0 * conductor.programme.steady_s * NANO)
@@ -327,7 +317,7 @@ class ConductedTrial:
         conductor = self.conductor
         assert conductor.run is not None
         try:
-            table = self.table_of(judged_span(conductor.state, conductor.run, conductor.programme))
+            table = self.table_of(runs.judged_span(conductor.state, conductor.run, conductor.programme))
         except errors.DataShortageError:  # nothing was recorded of it
             table = pd.DataFrame(index=pd.DatetimeIndex([], tz="UTC"))
         try:
@@ -357,17 +347,17 @@ class ConductedTrial:
         if not self._outlook_is_due or process.is_working or not self.newest_ns:
             return
         self._outlook_is_due = False
-        programme, runs = self.conductor.programme, list[outlook.RecordedRun | outlook.StoredRun]()
+        programme, sailed = self.conductor.programme, list[outlook.RecordedRun | outlook.StoredRun]()
         for entry in self.conductor.sailed:
             planned, valid = programme.run[entry.place], entry.outcome == "valid"
             if entry.number in self._tables:
-                runs.append(outlook.RecordedRun(planned, self._tables[entry.number], valid))
+                sailed.append(outlook.RecordedRun(planned, self._tables[entry.number], valid))
             elif entry.executed_ns and entry.recordings:
                 paths = [Path(path) for path in entry.recordings]
-                runs.append(outlook.StoredRun(planned, paths, self.conductor.judged_span_of(entry), valid))
-        if runs and self.conductor.remaining:
-            self._outlook_runs = len(runs)
-            process.begin(runs, {place: programme.run[place] for place in self.conductor.remaining})
+                sailed.append(outlook.StoredRun(planned, paths, self.conductor.judged_span_of(entry), valid))
+        if sailed and self.conductor.remaining:
+            self._outlook_runs = len(sailed)
+            process.begin(sailed, {place: programme.run[place] for place in self.conductor.remaining})
 
     def _send_marks(self) -> None:
         """Give the marks to the recorder; what it does not take waits for the next."""
@@ -455,11 +445,11 @@ def picture_of(trial: ConductedTrial) -> dict[str, Any]:
         elif state.phase == "ended":
             say = "OVER · steer on"
         elif state.phase == "sailing":
-            say = f"next: {next_words(state, run)}"
+            say = f"next: {runs.next_words(state, run)}"
         elif state.is_unled:
             say = "in a manoeuvre begun before · not judged"
         elif state.steadiness.is_steady:
-            say = f"STEADY · order {execute_words(run).upper()}"
+            say = f"STEADY · order {runs.execute_words(run).upper()}"
         else:
             say = f"approach{heading}, {conductor.programme.speed_mps(run):.1f} m/s"
     unmeasured = [] if silent else trial.unmeasured
@@ -471,7 +461,7 @@ def picture_of(trial: ConductedTrial) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _shown_values(state: RunState, run: PlannedRun | None) -> list[list[Any]]:
+def _shown_values(state: runs.RunState, run: PlannedRun | None) -> list[list[Any]]:
     """The motion as text, with how full the bars of an approach are, None where none is shown."""
     numbers, newest = dict.fromkeys(_VALUES, nan), state.newest
     if newest is not None:

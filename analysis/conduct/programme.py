@@ -22,13 +22,9 @@ import pymap3d
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
-from seatrial.acquisition.config.declarations import STRICT, Finite
-from seatrial.acquisition.config.run_sheet import non_default_values
-from seatrial.acquisition.core.errors import ConfigurationError, StorageError
-from seatrial.acquisition.core.files import load_toml, toml_value, write_text
+from seatrial.acquisition.config import declarations, run_sheet
+from seatrial.acquisition.core import errors, files, result, ship
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import Result, terminal_table
-from seatrial.acquisition.core.ship import angle_difference, wrap_180, wrap_360
 from seatrial.analysis.manoeuvres import criteria
 
 Kind = Literal["turning_circle", "zigzag", "stopping", "pull_out", "speed_run", "crabbing", "thruster_test"]
@@ -56,7 +52,7 @@ def _printable(text: str) -> str:
 
 Speed = Annotated[float, _between(0.05, 35.0, "m/s: a speed in knots times 0.5144")]
 Compass = Annotated[float, _between(0.0, 360.0, "deg, clockwise from true north")]
-Area = tuple[tuple[Finite, Finite], ...]
+Area = tuple[tuple[declarations.Finite, declarations.Finite], ...]
 Minutes = Annotated[float, _between(0.1, 20_160.0, "minutes, at most two weeks")]
 
 SIDED = ("turning_circle", "zigzag", "pull_out", "crabbing")
@@ -77,7 +73,7 @@ _LEAST_ACROSS_LENGTHS, _WIDEST_AREA_M = 5.0, 500_000.0
 _THRUSTER_S, _CRAB_S, _SLOW_MPS = 60.0, 120.0, 0.5
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class PlannedRun:
     """A run of a programme.
 
@@ -149,7 +145,7 @@ class PlannedRun:
         return self.held_s or default.get(self.kind, inf)
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
 class ProgrammeSection:
     """What all runs of a programme have in common.
 
@@ -202,8 +198,8 @@ class ProgrammeSection:
         return area
 
 
-@dataclass(frozen=True, config=STRICT, kw_only=True)
-class TrialProgramme(Result):
+@dataclass(frozen=True, config=declarations.STRICT, kw_only=True)
+class TrialProgramme(result.Result):
     """A programme: what is common to its runs, and the runs in their order."""
 
     programme: ProgrammeSection
@@ -223,7 +219,7 @@ class TrialProgramme(Result):
         """The heading into the wind that is expected, without one into the current; None where neither is."""
         common = self.programme
         if common.wind_from_deg is None and common.current_to_deg is not None:
-            return float(wrap_360(common.current_to_deg + 180.0))
+            return float(ship.wrap_360(common.current_to_deg + 180.0))
         return common.wind_from_deg
 
     @property
@@ -261,7 +257,7 @@ class TrialProgramme(Result):
         turn_deg = 90.0
         if last.heading_deg is not None and following.heading_deg is not None:
             circled_deg = last.sign * last.turn_deg if last.kind == "turning_circle" else 0.0
-            turn_deg = abs(float(angle_difference(last.heading_deg + circled_deg, following.heading_deg)))
+            turn_deg = abs(float(ship.angle_difference(last.heading_deg + circled_deg, following.heading_deg)))
         lengths = _TURN_LENGTHS * turn_deg / 180.0 + _REGAINED_LENGTHS.get(last.kind, 5.0)
         return (lengths * self.length_s + self.steady_s) / 60.0
 
@@ -288,11 +284,11 @@ class TrialProgramme(Result):
         people edit programmes. Raises :class:`StorageError`."""
         text = programme_text(self)
         if Path(path).is_file() and Path(path).read_bytes() != text.encode():
-            raise StorageError(
+            raise errors.StorageError(
                 "already exists", where=str(path), why="it is not what would be written: it may have been edited",
                 fix="choose another file, or delete it",
             )  # fmt: skip
-        return write_text(path, text)
+        return files.write_text(path, text)
 
 
 def _stated(section: Any) -> dict[str, Any]:
@@ -303,13 +299,13 @@ def _stated(section: Any) -> dict[str, Any]:
 
 def non_default_values_of_run(run: PlannedRun) -> dict[str, Any]:
     """What a run states."""
-    values = {**non_default_values(run), "kind": run.kind}
+    values = {**run_sheet.non_default_values(run), "kind": run.kind}
     return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
 
 
 def load_programme(path: Path | str) -> TrialProgramme:
     """A programme from its TOML file. Raises :class:`ConfigurationError`, naming the line."""
-    return load_toml(path, TrialProgramme)
+    return files.load_toml(path, TrialProgramme)
 
 
 _COMMENTS = {
@@ -346,7 +342,7 @@ def programme_text(programme: TrialProgramme) -> str:
 
 def _toml_line(name: str, value: Any) -> str:
     """A key with its value, whole numbers without a point, as people write them."""
-    return f"{name} = {toml_value(int(value) if isinstance(value, float) and value.is_integer() else value)}"
+    return f"{name} = {files.toml_value(int(value) if isinstance(value, float) and value.is_integer() else value)}"
 
 
 def _imo_runs() -> list[PlannedRun]:
@@ -431,9 +427,9 @@ def programme_from_template(
 
     """
     if template not in TEMPLATES:
-        raise ConfigurationError(f"no template {template!r}", fix=f"use one of {', '.join(TEMPLATES)}")
+        raise errors.ConfigurationError(f"no template {template!r}", fix=f"use one of {', '.join(TEMPLATES)}")
     if template == "dp_acceptance" and not thrusters:
-        raise ConfigurationError("the ship has no thruster", where=template, fix="use another template")
+        raise errors.ConfigurationError("the ship has no thruster", where=template, fix="use another template")
     runs = tuple(replace(run, helm_deg=min(run.helm_deg, largest_helm_deg)) if run.helm_deg else run
                  for run in TEMPLATES[template](round(speed_mps, 2), thrusters))  # fmt: skip
     common = ProgrammeSection(
@@ -469,7 +465,7 @@ def heading_with_room(
     where there is none."""
     needed_m = way_ahead_m(programme, run)
     turns = sorted(range(0, 360, _HEADING_STEP_DEG), key=lambda turn: min(turn, 360 - turn))
-    headings = (float(wrap_360(heading_deg + turn)) for turn in turns)
+    headings = (float(ship.wrap_360(heading_deg + turn)) for turn in turns)
     return next((heading for heading in headings
                  if room_ahead_m(programme.programme.area, position, heading) >= needed_m), None)  # fmt: skip
 
@@ -486,8 +482,8 @@ def way_ahead_m(programme: TrialProgramme, run: PlannedRun) -> float:
 def middle_of_area(area: Sequence[tuple[float, float]]) -> tuple[float, float]:
     """The mean of the corners, latitude and longitude, also across the date line."""
     (_, origin_deg), corners = area[0], np.array(area)
-    eastwards = angle_difference(corners[:, 1], origin_deg)
-    return float(corners[:, 0].mean()), float(wrap_180(origin_deg + eastwards.mean()))
+    eastwards = ship.angle_difference(corners[:, 1], origin_deg)
+    return float(corners[:, 0].mean()), float(ship.wrap_180(origin_deg + eastwards.mean()))
 
 
 def _corners_m(area: Sequence[tuple[float, float]], position: tuple[float, float]) -> tuple[Floats, Floats]:
@@ -576,7 +572,9 @@ def programme_view(programme: TrialProgramme) -> Any:
     title = (
         f"{programme.programme.name}: {len(rows)} runs, {programme.total_minutes:.0f} minutes with the ways between"
     )
-    return terminal_table(title, ("", "run", "m/s", "heading", "times", "min", "for"), rows, left_aligned=(1, 3, 6))
+    return result.terminal_table(
+        title, ("", "run", "m/s", "heading", "times", "min", "for"), rows, left_aligned=(1, 3, 6)
+    )
 
 
 def draw_programme(figure: Any, programme: TrialProgramme) -> None:

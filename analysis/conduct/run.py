@@ -24,15 +24,10 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.run_sheet import Conditions
-from seatrial.acquisition.core import ship
+from seatrial.acquisition.core import result, ship
 from seatrial.acquisition.core.quantities import Bools, Floats, water_depth_m
-from seatrial.acquisition.core.result import to_json
 from seatrial.analysis.conduct.programme import STEERED, PlannedRun, TrialProgramme
-from seatrial.analysis.manoeuvres import criteria
-from seatrial.analysis.manoeuvres.conducted import MARGIN_S, SAME_START_S, JudgedSpan
-from seatrial.analysis.manoeuvres.find import conditions_of_table, find_manoeuvres_and_left_out
-from seatrial.analysis.manoeuvres.indices import Manoeuvre
-from seatrial.analysis.manoeuvres.motion import drives_by_side, steering_actuators
+from seatrial.analysis.manoeuvres import conducted, criteria, find, indices, motion
 from seatrial.analysis.quality.wind import beaufort_number
 from seatrial.analysis.tables.table import NANO, times_ns
 
@@ -128,7 +123,7 @@ class _Steering(NamedTuple):
 
 @lru_cache(maxsize=16)
 def _steering_of(actuators: ship.Actuators) -> _Steering:
-    steering, driving = steering_actuators(actuators), tuple(entry for entry in actuators if entry.drives)
+    steering, driving = motion.steering_actuators(actuators), tuple(entry for entry in actuators if entry.drives)
     drives = []
     for actuator in driving:
         names = {channel.unit: channel.name for channel in actuator.channels}
@@ -139,7 +134,7 @@ def _steering_of(actuators: ship.Actuators) -> _Steering:
         return common._replace(rudders=tuple(actuator.angle.name for actuator in steering if actuator.angle))
     if steering:
         return common._replace(turns=ship.KINDS[steering[0].kind].turns)
-    sides = drives_by_side(driving)
+    sides = motion.drives_by_side(driving)
     return common._replace(sides=tuple(tuple(driving.index(drive) for drive in side) for side in sides))
 
 
@@ -261,7 +256,7 @@ class RunState:
     def as_json(self) -> dict[str, Any]:
         """What a restart needs of it: of the recent instants the newest alone, others come from the recording."""
         newest = tuple(replace(entry, shafts_rpm={}) for entry in self.recent[-1:])
-        return dict(to_json(replace(self, recent=newest)))
+        return dict(result.to_json(replace(self, recent=newest)))
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> RunState:
@@ -823,7 +818,7 @@ class RunVerdict:
     valid: bool
     reasons: tuple[str, ...]
     remarks: tuple[str, ...] = ()
-    manoeuvre: Manoeuvre | None = None
+    manoeuvre: indices.Manoeuvre | None = None
 
     def as_json(self) -> dict[str, Any]:
         """As plain values."""
@@ -836,7 +831,7 @@ class RunVerdict:
         """The inverse of :meth:`as_json`."""
         run = content["manoeuvre"]
         return cls(content["valid"], tuple(content["reasons"]), tuple(content["remarks"]),
-                   Manoeuvre.from_json(run) if run else None)  # fmt: skip
+                   indices.Manoeuvre.from_json(run) if run else None)  # fmt: skip
 
 
 def judge_run(
@@ -858,13 +853,14 @@ def judge_run(
         return RunVerdict(False, (*state.faults, "nothing was recorded of it"))
     length_m = programme.programme.length_m
     start, end = (pd.Timestamp(time_ns, unit="ns", tz="UTC") for time_ns in (state.executed_ns, state.ended_ns))
-    during = JudgedSpan(run.kind, start, end).rows_of(part)
-    conditions = conditions_of_table(during if len(during) else part, length_m, stated)
-    manoeuvres, left_out = find_manoeuvres_and_left_out(part, length_m, conditions=stated)
+    during = conducted.JudgedSpan(run.kind, start, end).rows_of(part)
+    conditions = find.conditions_of_table(during if len(during) else part, length_m, stated)
+    manoeuvres, left_out = find.find_manoeuvres_and_left_out(part, length_m, conditions=stated)
     alike = [manoeuvre for manoeuvre in manoeuvres if manoeuvre.kind == run.kind]
     nearest = min(alike, key=lambda manoeuvre: abs(manoeuvre.start - start), default=None)
     if nearest is None or (
-        run.kind not in ("speed_run", "pull_out") and abs((nearest.start - start).total_seconds()) > SAME_START_S
+        run.kind not in ("speed_run", "pull_out")
+        and abs((nearest.start - start).total_seconds()) > conducted.SAME_START_S
     ):
         why = [
             candidate.why for candidate in left_out if candidate.kind in (run.kind, "course_change", "manoeuvre")
@@ -882,16 +878,18 @@ def judge_run(
     return RunVerdict(not reasons, tuple(reasons), tuple(remarks), nearest)
 
 
-def judged_span(state: RunState, run: PlannedRun, programme: TrialProgramme) -> JudgedSpan:
+def judged_span(state: RunState, run: PlannedRun, programme: TrialProgramme) -> conducted.JudgedSpan:
     """The part of the recording that a run is judged by: it, its approach, and what the smoothing reaches."""
     lead_s = max(programme.steady_s, _LEAD_S)
     start_ns = max(state.executed_ns - round(lead_s * NANO), state.earliest_ns)
-    end_ns = state.ended_ns + round(MARGIN_S * NANO)
-    return JudgedSpan(run.kind, *(pd.Timestamp(time_ns, unit="ns", tz="UTC") for time_ns in (start_ns, end_ns)))
+    end_ns = state.ended_ns + round(conducted.MARGIN_S * NANO)
+    return conducted.JudgedSpan(
+        run.kind, *(pd.Timestamp(time_ns, unit="ns", tz="UTC") for time_ns in (start_ns, end_ns))
+    )
 
 
 def shortfalls_of_run(
-    manoeuvre: Manoeuvre, run: PlannedRun, programme: TrialProgramme, conditions: Conditions
+    manoeuvre: indices.Manoeuvre, run: PlannedRun, programme: TrialProgramme, conditions: Conditions
 ) -> tuple[list[str], list[str]]:
     """Why a manoeuvre is not the run as it was planned and would count if it were repeated; and what keeps it from
     showing a criterion whatever is repeated."""

@@ -362,18 +362,14 @@ def estimate_noise_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
         directed, cost = moving.climb(min(directions, key=moving.cost), bounds)
         if cost < moving.cost(horizontal) - 2.0 * np.log(max(moving.count, 2)):  # the direction is significant
             horizontal = directed
-    if horizontal.size > _CALM and _wave_swing(horizontal) > _MOST_SWING * _least_swing_along_ship(data):
-        horizontal = calm[0]
+    if horizontal.size > _CALM:  # waves never swing more than the ship does: variances [m2/s2]
+        swing = float(np.exp(2.0 * horizontal[_CALM]) * (1.0 + wave_axes(horizontal)[0] ** 2))
+        horizontal = calm[0] if swing > _MOST_SWING * _least_swing_along_ship(data) else horizontal
     if horizontal.size > _CALM:
         yaw = _fit_with_waves(
             yaw_search, yaw_calm, _YAW_SPEEDS, float(np.exp(horizontal[4])) * np.array([1.0, 1.25])
         )
     return _noise_levels_from_logs(horizontal, yaw)
-
-
-def _wave_swing(logs: Floats) -> float:
-    """The variance of the horizontal velocity of waves [m2/s2]."""
-    return float(np.exp(2.0 * logs[_CALM]) * (1.0 + wave_axes(logs)[0] ** 2))
 
 
 def _least_swing_along_ship(data: MotionSamples) -> float:

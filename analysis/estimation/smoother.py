@@ -30,9 +30,8 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints
 from seatrial.acquisition.core.ship import POSE, wrap_360
 from seatrial.analysis.estimation import motion_model
 from seatrial.analysis.estimation.kalman import Engine, Gate, smooth_steps
+from seatrial.analysis.tables import export, resample
 from seatrial.analysis.tables import table as tables
-from seatrial.analysis.tables.export import as_dataset, write_parquet
-from seatrial.analysis.tables.resample import grid, rate_fraction
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -168,7 +167,7 @@ class SmoothedMotion:
         }
         variables["covariance"] = (("time", "state", "other_state"), self.covariance)
         times = pd.DatetimeIndex(self.states.index).tz_convert(None)
-        return as_dataset(
+        return export.as_dataset(
             variables,
             {"time": times.to_numpy(), "state": names, "other_state": names},
             {"rate_hz": self.states.attrs["rate_hz"], "trial": json.dumps(self.states.attrs.get("trial", {}))},
@@ -209,7 +208,7 @@ def smooth(
     data = motion_model.combine_into_steps(table)
     noise = levels or motion_model.estimate_noise_levels(data, rules)
     first_ns, last_ns = (data.epoch_ns + round(float(time_s) * tables.NANO) for time_s in data.time_s[[0, -1]])
-    grid_ns = grid(first_ns, last_ns, rate_fraction(rate_hz))
+    grid_ns = resample.grid(first_ns, last_ns, resample.rate_fraction(rate_hz))
     grid_s = (grid_ns - data.epoch_ns) / tables.NANO
     motion, slow = np.full((2, grid_s.size, 9), np.nan)
     spread = np.full((grid_s.size, 9, 9), np.nan)
@@ -330,4 +329,4 @@ def write_smoothed(smoothed: SmoothedMotion, path: Path | str) -> None:
         "history": provenance["history"],
         "provenance": provenance,
     }
-    write_parquet(rows, path, units, {key: json.dumps(figure) for key, figure in figures.items()})
+    export.write_parquet(rows, path, units, {key: json.dumps(figure) for key, figure in figures.items()})

@@ -27,14 +27,7 @@ from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.acquisition.core import errors, named_code
 from seatrial.acquisition.core.quantities import Bools, Floats, water_depth_m
 from seatrial.acquisition.core.trial import NANO
-from seatrial.analysis.manoeuvres import criteria, kinds, measures, straight_runs
-from seatrial.analysis.manoeuvres.conducted import (
-    ConductedRun,
-    JudgedSpan,
-    conducted_runs,
-    exclude_uncounted,
-    is_mark_of_run,
-)
+from seatrial.analysis.manoeuvres import conducted, criteria, kinds, measures, straight_runs
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_from_value
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, row_to_row_noise, runs_of_true
 from seatrial.analysis.quality.wind import recorded_conditions, replace_by_stronger_wind
@@ -129,14 +122,17 @@ def find_manoeuvres_and_left_out(
         why = f"the recording is shorter than {_SHORTEST_S:.0f} s"
         return (), (LeftOut("manoeuvre", *bounds, why),)
     events = list(events)
-    programme, events = conducted_runs(events), [event for event in events if not is_mark_of_run(event[1])]
+    programme, events = (
+        conducted.conducted_runs(events),
+        [event for event in events if not conducted.is_mark_of_run(event[1])],
+    )
     marks = pair_event_marks(events)
     judged = _find_candidates(motion, marks, events)
     for span in (run.judged for run in sorted(programme, key=lambda run: run.outcome == "valid") if run.judged):
         judged = sorted(_replace_by_judged(judged, table, span, conditions, events), key=in_time)
     runs = remove_currents(motion, [run for run in judged if isinstance(run, Manoeuvre)])
-    runs = exclude_uncounted(_add_water_depth(_apply_marks(runs, marks), table), programme)
-    added = exclude_uncounted([run for name in finders for run in _call_finder(name, motion)], programme)
+    runs = conducted.exclude_uncounted(_add_water_depth(_apply_marks(runs, marks), table), programme)
+    added = conducted.exclude_uncounted([run for name in finders for run in _call_finder(name, motion)], programme)
     manoeuvres = sorted([*criteria.add_limits(runs, conditions), *added], key=in_time)
     left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
     if not motion.steering:
@@ -182,7 +178,7 @@ def _find_candidates(
 def _replace_by_judged(
     candidates: Sequence[Manoeuvre | LeftOut],
     table: pd.DataFrame,
-    span: JudgedSpan,
+    span: conducted.JudgedSpan,
     conditions: Conditions,
     events: Sequence[tuple[int, str]],
 ) -> list[Manoeuvre | LeftOut]:
@@ -237,7 +233,7 @@ class RecordedRuns(NamedTuple):
     table: pd.DataFrame
     runs: Sequence[Manoeuvre]
     stated: Conditions
-    programme: tuple[ConductedRun, ...] = ()
+    programme: tuple[conducted.ConductedRun, ...] = ()
 
 
 def share_currents_of_trial(recordings: Sequence[RecordedRuns]) -> list[tuple[Manoeuvre, ...]]:
@@ -247,9 +243,9 @@ def share_currents_of_trial(recordings: Sequence[RecordedRuns]) -> list[tuple[Ma
     A recording that has a current itself, stated or from a circle, keeps its own.
     """
     observations = [seen for recording in recordings for seen in current_observations(recording.runs)]
-    conducted = [run for recording in recordings for run in recording.programme]
+    programme = [run for recording in recordings for run in recording.programme]
     recordings = [
-        recording._replace(runs=exclude_uncounted(recording.runs, recording.programme, conducted))
+        recording._replace(runs=conducted.exclude_uncounted(recording.runs, recording.programme, programme))
         for recording in recordings
     ]
     trial = [run for recording in recordings for run in recording.runs]

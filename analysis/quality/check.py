@@ -22,19 +22,17 @@ from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.core.ship import BY_NAME, channels_by_name_of, possible_channels_of_table, wrap_to_range
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.reader import Event, Recording, events_of_recording
-from seatrial.analysis.quality import channel_checks
+from seatrial.analysis.quality import channel_checks, situations
 from seatrial.analysis.quality import findings as quality
-from seatrial.analysis.quality.exchanged import check_exchanged_feedback
 from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.analysis.quality.motion.model import fit_coarsely
-from seatrial.analysis.quality.situations import check_situations
 from seatrial.analysis.quality.wind import check_wind
 from seatrial.analysis.series import ASSUMED, Stretch, expected_rates, rows_of_samples, series_from_values
 from seatrial.analysis.tables import table as tables
 
 CHECKS: tuple[quality.Check, ...] = (
     check_motion, channel_checks.check_heading_wrap, quality.check_orders, quality.check_thruster_feedback,
-    check_exchanged_feedback, quality.check_helm_sign, check_wind, check_situations,
+    quality.check_exchanged_feedback, quality.check_helm_sign, check_wind, situations.check_situations,
 )  # fmt: skip
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 

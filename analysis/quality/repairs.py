@@ -30,9 +30,8 @@ from seatrial.analysis.quality.findings import ALL, ORDER_INTERPOLATED, OTHER_TU
 from seatrial.analysis.quality.motion.findings import delays_in_findings
 from seatrial.analysis.quality.motion.positions import reconstruct_heading, reconstruct_positions
 from seatrial.analysis.series import finite_samples, rows_of_samples
-from seatrial.analysis.tables import export
+from seatrial.analysis.tables import export, resample
 from seatrial.analysis.tables import table as tables
-from seatrial.analysis.tables.resample import resample, resample_recording
 
 if TYPE_CHECKING:
     from seatrial.analysis.estimation.smoother import SmoothedMotion
@@ -402,7 +401,7 @@ def prepare_table(
     """
     rate_hz = preparation.rate_hz
     if preparation == Preparation(rate_hz=rate_hz) and rate_hz is not None:
-        return resample_recording(recording, rate_hz)  # needs no joined table
+        return resample.resample_recording(recording, rate_hz)  # needs no joined table
     table, flags, delays = tables.table_of(recording), None, dict[str, float]()
     if preparation.repair or preparation.flags or preparation.remove_delays:
         raw, quality = table, check.check_recording(recording, table)
@@ -419,9 +418,9 @@ def prepare_table(
 
         rate_hz = rate_hz or SMOOTHED_RATE_HZ
         motion = smooth(tables.remove_delays(table, delays) if delays else table, rate_hz)
-        result = replace_motion_by_smoothed(resample(table, rate_hz, delays=delays), motion)
+        result = replace_motion_by_smoothed(resample.resample(table, rate_hz, delays=delays), motion)
     elif rate_hz is not None:
-        result = resample(table, rate_hz, delays=delays)
+        result = resample.resample(table, rate_hz, delays=delays)
     elif delays:
         result = tables.remove_delays(table, delays)
     return export.add_flags(result, flags, delays) if preparation.flags and flags is not None else result

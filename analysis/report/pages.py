@@ -46,8 +46,7 @@ from numpy.typing import ArrayLike, NDArray
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from seatrial.acquisition.core import errors, files, quantities, ship
-from seatrial.acquisition.core.result import terminal_table
+from seatrial.acquisition.core import errors, files, quantities, result, ship
 from seatrial.acquisition.core.trial import Quality, software_version
 from seatrial.acquisition.recording.reader import Recording, event_counts_text
 from seatrial.analysis.quality.findings import ALL, SHIP, Finding
@@ -593,7 +592,7 @@ def quality_view(quality: DataQuality) -> RenderableType:
         for name, channel in quality.channels.items()
     ]
     parts: list[RenderableType] = [
-        terminal_table(None, _CHANNEL_COLUMNS, channels, left_aligned=(0, 1), padding=(0, 1, 0, 0))
+        result.terminal_table(None, _CHANNEL_COLUMNS, channels, left_aligned=(0, 1), padding=(0, 1, 0, 0))
     ]
     if missing := missing_channels_text(quality):
         parts.append(Text(missing, style="yellow"))

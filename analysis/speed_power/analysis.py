@@ -35,8 +35,7 @@ from seatrial.acquisition.core.errors import DataShortageError, InputError
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Floats
 from seatrial.acquisition.core.result import Number, Result
 from seatrial.acquisition.core.trial import software_version
-from seatrial.analysis.manoeuvres.indices import LeftOut
-from seatrial.analysis.manoeuvres.straight_runs import is_same_setting
+from seatrial.analysis.manoeuvres import indices, straight_runs
 from seatrial.analysis.speed_power import formulas
 from seatrial.analysis.speed_power.runs import PowerRun, double_runs, power_runs
 
@@ -103,7 +102,7 @@ def trial_of(
     wind = np.array([wind[pairs == pair].mean() for pair in pairs])
     groups: list[list[int]] = []  # in order of the setting
     for place in sorted(range(len(runs)), key=lambda number: runs[number].setting):
-        near = groups and is_same_setting(runs[groups[-1][0]].setting, runs[place].setting)
+        near = groups and straight_runs.is_same_setting(runs[groups[-1][0]].setting, runs[place].setting)
         groups[-1:] = [[*groups[-1], place]] if near else [*groups[-1:], [place]]
     return SpeedTrial(
         conditions, middle - middle[0], heading, np.cos(np.deg2rad(heading - heading[0])),
@@ -368,7 +367,7 @@ class SpeedPower(Result):
     uncertainties: tuple[Uncertainty, ...]
     no_interval: str
     warnings: tuple[str, ...]
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[indices.LeftOut, ...]
     software_version: str
 
     @property
@@ -405,7 +404,7 @@ def speed_power(
     corrected for, and said. Raises :class:`InputError` where no power was recorded, and :class:`DataShortageError`
     without a double run, and where the power does not grow with the speed.
     """
-    marks, runs, left_out = list(events), list[PowerRun](), list[LeftOut]()
+    marks, runs, left_out = list(events), list[PowerRun](), list[indices.LeftOut]()
     for table in tables:
         table_runs, rejected = power_runs(table, marks)
         runs, left_out = [*runs, *table_runs], [*left_out, *rejected]
@@ -413,7 +412,7 @@ def speed_power(
 
 
 def speed_power_of_runs(
-    runs: Iterable[PowerRun], conditions: Conditions | None = None, left_out: Iterable[LeftOut] = ()
+    runs: Iterable[PowerRun], conditions: Conditions | None = None, left_out: Iterable[indices.LeftOut] = ()
 ) -> SpeedPower:
     """Speed and power from the runs of one trial, after ISO 15016:2015.
 
@@ -444,7 +443,7 @@ def speed_power_of_runs(
     return _analyse(pairs, conditions or Conditions(), tuple(excluded))
 
 
-def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[LeftOut, ...]) -> SpeedPower:
+def _analyse(runs: Sequence[PowerRun], conditions: Conditions, left_out: tuple[indices.LeftOut, ...]) -> SpeedPower:
     over_ground, power = (np.array([getattr(run, name) for run in runs]) for name in ("speed_mps", "power_kw"))
     corrections = formulas.corrections_of(conditions, runs)
     trial = trial_of(conditions, runs, corrections)

@@ -26,9 +26,8 @@ from scipy.special import i1e, k1e
 
 from seatrial.acquisition.config import run_sheet
 from seatrial.acquisition.config.run_sheet import Conditions, WindType
-from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.core import errors, result
 from seatrial.acquisition.core.quantities import GRAVITY_MPS2, Bools, Floats
-from seatrial.acquisition.core.result import Number
 from seatrial.acquisition.tables.table_files import read_raw_table
 from seatrial.analysis.manoeuvres.straight_runs import RECIPROCAL_DEG
 from seatrial.analysis.report.tables import number_text
@@ -100,8 +99,8 @@ class Correction:
     name: str
     applied: bool
     method: str
-    power_kw: Number = float("nan")
-    speed_mps: Number = float("nan")
+    power_kw: result.Number = float("nan")
+    speed_mps: result.Number = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -438,21 +437,21 @@ def read_wind_resistance(path: Path | str) -> tuple[float, ...]:
     table = read_raw_table(path).columns
     named = {str(name).lower().split("[")[0].strip().removesuffix("_deg"): name for name in table.columns}
     if not {"angle", "c_aa"} <= named.keys():
-        raise InputError(
+        raise errors.InputError(
             "has no columns angle and C_AA", where=str(path), why=f"it has {', '.join(map(str, table.columns))}",
             fix="name the angle off the bow 'angle [deg]' and the coefficient 'C_AA'",
         )  # fmt: skip
     try:
         angle, drag = (table[named[name]].to_numpy(dtype=float) for name in ("angle", "c_aa"))
     except ValueError as error:
-        raise InputError("holds text among its numbers", where=str(path), why=str(error)) from error
+        raise errors.InputError("holds text among its numbers", where=str(path), why=str(error)) from error
     order = np.argsort(angle)
     if not (np.isfinite([angle, drag]).all() and angle.size > 2 and np.ptp(angle) == angle.max() == 180.0):
-        raise InputError(
+        raise errors.InputError(
             "does not go from 0 to 180 deg", where=str(path), fix="give C_AA from 0 to 180 deg off the bow"
         )
     if np.interp(0.0, angle[order], drag[order]) <= 0.0:
-        raise InputError(
+        raise errors.InputError(
             "has no resistance to the wind from ahead", where=str(path),
             fix="change the sign: C_AA is positive where the air brakes, C_X the other way round",
         )  # fmt: skip

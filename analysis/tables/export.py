@@ -27,8 +27,7 @@ import pandas as pd
 from pymap3d import ned2geodetic
 from scipy.io import netcdf_file, savemat
 
-from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError, InputError
-from seatrial.acquisition.core.files import atomic_file, require_suffix, write_bytes, write_text, written_together
+from seatrial.acquisition.core import errors, files
 from seatrial.acquisition.core.quantities import AnyArray, Floats
 from seatrial.acquisition.core.ship import BY_NAME, ChannelsByName, channel_unit, channels_by_name_of, find_channel
 from seatrial.acquisition.core.trial import Quality, Trial, software_version
@@ -113,7 +112,7 @@ def export_table(
     :class:`StorageError` when it cannot be written.
     """
     path = Path(path)
-    write = _WRITERS[require_suffix(path, *_WRITERS)]
+    write = _WRITERS[files.require_suffix(path, *_WRITERS)]
     return write(table, path, _metadata_of_table(table, options, attributes))
 
 
@@ -144,7 +143,7 @@ def _xarray() -> Any:
     try:
         import xarray
     except ImportError as error:
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             "a dataset needs the package xarray", fix="pip install 'seatrial[xarray]'"
         ) from error
     return xarray
@@ -219,9 +218,9 @@ def _write_csv(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ns")
     index = pd.Index([f"{time}Z" for time in times])
     sidecar = path.with_name(f"{path.name}.json")
-    with written_together(path):
-        write_text(sidecar, json.dumps({"file": path.name, **about}, indent=2) + "\n")
-        with atomic_file(path) as partial:
+    with files.written_together(path):
+        files.write_text(sidecar, json.dumps({"file": path.name, **about}, indent=2) + "\n")
+        with files.atomic_file(path) as partial:
             table.set_axis(index, axis=0).to_csv(partial, index_label="time")
     return [path, sidecar]
 
@@ -245,7 +244,7 @@ def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     }
     renamed = {key: {matlab_name(name): value for name, value in struct.items()} for key, struct in structs.items()}
     content = {"time": times_ns(table) / NANO, **vectors, **renamed}
-    with atomic_file(path) as partial, partial.open("wb") as stream:
+    with files.atomic_file(path) as partial, partial.open("wb") as stream:
         savemat(stream, content, oned_as="column", long_field_names=True)
         stream.seek(0)
         stream.write(_MAT_TITLE.ljust(_MAT_TITLE_BYTES))  # scipy writes the time of day there
@@ -259,7 +258,7 @@ def _write_excel(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
     """
     if len(table) > MOST_ROWS:
         what = f"has {len(table):,} rows, but an Excel sheet holds at most {MOST_ROWS:,}"
-        raise InputError(what, where=about["recording"], fix="use --rate, or write .csv or .parquet")
+        raise errors.InputError(what, where=about["recording"], fix="use --rate, or write .csv or .parquet")
     times = utc_index(table).as_unit("us").tz_localize(None)
     entries = [
         (what, str(name), str(value))
@@ -276,7 +275,7 @@ def write_sheets(sheets: Mapping[str, pd.DataFrame], path: Path) -> list[Path]:
     try:
         import xlsxwriter  # noqa: F401 - pandas asks for it by name
     except ImportError as error:
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             "a workbook needs the package xlsxwriter", fix="pip install 'seatrial[excel]'"
         ) from error
     workbook = BytesIO()  # on a full disk the archive would complain once more when it is deleted
@@ -290,7 +289,7 @@ def write_sheets(sheets: Mapping[str, pd.DataFrame], path: Path) -> list[Path]:
         for name, table in sheets.items():
             table.to_excel(writer, sheet_name=name, index=False, freeze_panes=(1, 1))
             writer.sheets[name].set_column(0, 0, 24)
-    write_bytes(path, workbook.getvalue())
+    files.write_bytes(path, workbook.getvalue())
     return [path]
 
 
@@ -311,7 +310,7 @@ def write_parquet(
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    require_suffix(path, ".parquet")
+    files.require_suffix(path, ".parquet")
     plain = table.copy(deep=False)
     plain.attrs = {}  # the metadata has it; pandas would write it a second time, and only as JSON
     arrow = pa.Table.from_pandas(plain, preserve_index=table.index.name is not None)
@@ -323,7 +322,7 @@ def write_parquet(
     attributes = {"units": dict(units), "trial": table.attrs.get("trial", {})}
     file_metadata["PANDAS_ATTRS"] = json.dumps(attributes)  # what pandas puts into ``attrs`` when it reads the file
     schema = pa.schema(fields, metadata={**(arrow.schema.metadata or {}), **file_metadata})
-    with atomic_file(path) as partial, partial.open("wb") as stream:  # Arrow opens no name that is not UTF-8
+    with files.atomic_file(path) as partial, partial.open("wb") as stream:  # Arrow opens no name that is not UTF-8
         pq.write_table(arrow.cast(schema), stream)
 
 
@@ -333,14 +332,14 @@ def read_parquet(path: Path | str) -> tuple[pd.DataFrame, dict[str, str]]:
     import pyarrow.parquet as pq
 
     if not Path(path).is_file():
-        raise InputError("does not exist", where=str(path), fix="check the path")
+        raise errors.InputError("does not exist", where=str(path), fix="check the path")
     try:
         with Path(path).open("rb") as stream:
             arrow = pq.read_table(stream)
         frame = arrow.to_pandas()
     except (pa.ArrowException, OSError) as error:
         why = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError("is not a readable Parquet file", where=str(path), why=why) from error
+        raise errors.InputError("is not a readable Parquet file", where=str(path), why=why) from error
     texts = {key.decode(): text.decode() for key, text in (arrow.schema.metadata or {}).items()}
     file_metadata = {
         key.removeprefix(METADATA_PREFIX): text for key, text in texts.items() if key.startswith(METADATA_PREFIX)
@@ -361,7 +360,7 @@ def export_events(events: pd.DataFrame, path: Path) -> list[Path]:
 
     Raises :class:`InputError` for another suffix and :class:`StorageError` when it cannot be written.
     """
-    kind = require_suffix(path, *EVENT_KINDS)
+    kind = files.require_suffix(path, *EVENT_KINDS)
     if kind == ".parquet":
         write_parquet(events, path, {}, {})
     elif kind == ".xlsx":
@@ -369,7 +368,7 @@ def export_events(events: pd.DataFrame, path: Path) -> list[Path]:
         return write_sheets({"events": events.set_axis(times, axis=0).reset_index()}, path)
     else:
         texts = pd.DatetimeIndex(events.index).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-        with atomic_file(path) as partial:
+        with files.atomic_file(path) as partial:
             events.set_axis(texts, axis=0).to_csv(partial, index_label="time")
     return [path]
 
@@ -443,7 +442,7 @@ def _segments(table: pd.DataFrame) -> list[list[tuple[str, str, str]]]:
     places = places_of(table)
     located = np.flatnonzero(np.isfinite(places["lat"] + places["lon"])) if places else np.empty(0, int)
     if located.size == 0:
-        raise DataShortageError(
+        raise errors.DataShortageError(
             "contains no latitude and longitude", why="it has no positions, or its north and east have no origin",
             fix="give [trial] an origin before recording, or export a table",
         )  # fmt: skip
@@ -463,7 +462,7 @@ def _child(parent: ET.Element, tag: str, text: str = "", **attributes: str) -> E
 
 def _write_xml(root: ET.Element, path: Path) -> list[Path]:
     ET.indent(root, " ")
-    with atomic_file(path) as partial:
+    with files.atomic_file(path) as partial:
         ET.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
     return [path]
 
@@ -475,7 +474,7 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
     attributes too, as JSON.
     """
     attributes, variables = _cf_contents(table, about)
-    with atomic_file(path) as partial, netcdf_file(partial, "w", version=2) as file:
+    with files.atomic_file(path) as partial, netcdf_file(partial, "w", version=2) as file:
         file.createDimension(_ROW, len(table))
         _set_attributes(file, attributes)
         letters = np.frombuffer(attributes["id"].encode(), dtype="S1")

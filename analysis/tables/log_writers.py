@@ -26,12 +26,10 @@ import numpy as np
 import pandas as pd
 from pymap3d import ned2geodetic
 
-from seatrial.acquisition.core.errors import ConfigurationError, DataShortageError
-from seatrial.acquisition.core.files import atomic_file
+from seatrial.acquisition.core import errors, files
 from seatrial.acquisition.core.quantities import Floats, Ints
 from seatrial.acquisition.core.trial import software_version
-from seatrial.acquisition.tables.log_frames import UNUSED_VARIANCE
-from seatrial.acquisition.tables.log_readers import ABOUT_TOPIC
+from seatrial.acquisition.tables import log_frames, log_readers
 from seatrial.analysis.tables.table import NANO, times_ns
 
 _MICRO_NS = 1000
@@ -75,14 +73,14 @@ def write_bag(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         fix = "pip install 'seatrial[ros]'"
-        raise ConfigurationError("a bag of ROS needs the package rosbags", fix=fix) from error
+        raise errors.ConfigurationError("a bag of ROS needs the package rosbags", fix=fix) from error
     store = get_typestore(Stores.ROS2_HUMBLE)
     topics = [topic for topic in _topics_of_table(table, BagMessages(store.types)) if topic[2].size]
     if not topics:
-        raise DataShortageError("holds no value", where=about["recording"])
+        raise errors.DataShortageError("holds no value", where=about["recording"])
     text = store.types["std_msgs/msg/String"](data=_import_description(table, about))
-    topics.insert(0, (ABOUT_TOPIC, "std_msgs/msg/String", times_ns(table)[:1], iter([text])))
-    with atomic_file(path) as partial, TemporaryDirectory(prefix="seatrial-") as scratch:
+    topics.insert(0, (log_readers.ABOUT_TOPIC, "std_msgs/msg/String", times_ns(table)[:1], iter([text])))
+    with files.atomic_file(path) as partial, TemporaryDirectory(prefix="seatrial-") as scratch:
         folder = Path(scratch) / path.stem
         with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as bag:
             for name, kind, times, messages in topics:
@@ -126,14 +124,14 @@ class BagMessages:
             z=cr * cp * sy - sr * sp * cy, w=cr * cp * cy + sr * sp * sy,
         )  # fmt: skip
         covariance = np.zeros(9)
-        covariance[[0, 4]] = 0.0 if tilt_deg else UNUSED_VARIANCE
+        covariance[[0, 4]] = 0.0 if tilt_deg else log_frames.UNUSED_VARIANCE
         return self._imu(time_ns, orientation, covariance, self._zero, _not_measured())
 
     def rate(self, time_ns: int, yaw_rate_dps: float) -> Any:
         """The yaw rate alone."""
         orientation = self._types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=0.0)
         covariance = np.zeros(9)
-        covariance[[0, 4]] = UNUSED_VARIANCE
+        covariance[[0, 4]] = log_frames.UNUSED_VARIANCE
         turning = self._vector(z=-np.deg2rad(yaw_rate_dps))
         return self._imu(time_ns, orientation, _not_measured(), turning, covariance)
 
@@ -218,18 +216,18 @@ def write_mdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list
         from asammdf.blocks.v4_blocks import FileHistory
     except ImportError as error:
         fix = "pip install 'seatrial[mf4]'"
-        raise ConfigurationError("a measurement by ASAM MDF needs the package asammdf", fix=fix) from error
+        raise errors.ConfigurationError("a measurement by ASAM MDF needs the package asammdf", fix=fix) from error
     groups: dict[bytes, list[str]] = {}
     for name in map(str, table.columns):
         rows = np.isfinite(table[name].to_numpy(dtype=float))
         if rows.any():
             groups.setdefault(rows.tobytes(), []).append(name)
     if not groups:
-        raise DataShortageError("holds no value", where=about["recording"])
+        raise errors.DataShortageError("holds no value", where=about["recording"])
     time_ns = times_ns(table)
     start_ns = int(time_ns.min()) // _MICRO_NS * _MICRO_NS
     with (
-        atomic_file(path) as partial,
+        files.atomic_file(path) as partial,
         TemporaryDirectory(prefix="seatrial-") as scratch,
         MDF(version="4.10") as mdf,
     ):

@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from importlib.util import find_spec
 from inspect import signature
+from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -22,10 +23,11 @@ import numpy as np
 from seatrial.acquisition.core import named_code, ship, trial
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, subtask_progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Strings
-from seatrial.acquisition.core.result import ModelResult
+from seatrial.acquisition.core.result import ChosenModel, ModelResult
+from seatrial.hybrid.effects import simulators, vessel_plant
 from seatrial.hybrid.prediction import baselines, window_sets
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, windows_within_model_range
-from seatrial.hybrid.prediction.reference import VesselChoice, load_model
+from seatrial.hybrid.vessel import files
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, model_digest
 
 # Imported when first used.
@@ -43,6 +45,61 @@ COMPARED = tuple(method for method in METHODS if method != "paper_adam")
 METHOD = "adaptive"
 """The default method."""
 HELD_OUT_SHARE = 0.2
+
+
+VesselChoice = files.Vessel | BlackBox | str | Path
+"""What may stand for a reference model: a vessel or simulator, or its name or file."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenReference:
+    """The reference model of recordings, where it comes from, and how it was chosen.
+
+    It is a vessel file's plant or a simulator of another make. Both answer the same calls
+    (:func:`.simulate_batch`, :func:`.filtered_starts`): what is predicted with one is predicted with the other.
+
+    ``file`` is the name of one of Seatrial's own or a path, and means the same from any folder. ``ship`` is the
+    vessel file of the model, None of a simulator.
+    """
+
+    model: MotionModel
+    file: str
+    choice: ChosenModel
+    ship: files.Vessel | None = None
+
+    @property
+    def file_or_simulator(self) -> files.Vessel | BlackBox:
+        """The vessel file, or the simulator."""
+        if self.ship is not None:
+            return self.ship
+        assert isinstance(self.model, BlackBox)
+        return self.model
+
+
+def load_model(vessel: VesselChoice | None) -> MotionModel:
+    """The model of a vessel with the effects of its file, or a simulator. Raises :class:`ConfigurationError`."""
+    simulator = simulators.simulator_of(vessel)
+    return vessel_plant(files.load_vessel(_no_simulator(vessel))) if simulator is None else simulator
+
+
+def choose_reference(trials: files.Trials, vessel: VesselChoice | None = None) -> ChosenReference:
+    """The model of recordings: ``vessel``, else that of the ship that they name (:func:`.reference_model`).
+
+    Raises :class:`InputError` where no ship is named or its file is not there, :class:`ConfigurationError` for a
+    model that cannot be used.
+    """
+    simulator = simulators.simulator_of(vessel)
+    if simulator is None:
+        chosen = files.reference_model(trials, _no_simulator(vessel))
+        return ChosenReference(vessel_plant(chosen.vessel), chosen.file, chosen.choice, chosen.vessel)
+    name = f"{simulator.name} ({Path(simulator.file).name})"
+    ships = {simulator.name, Path(simulator.file.rpartition(":")[0] or simulator.file).stem}
+    return ChosenReference(simulator, simulator.file, files.chosen_model(name, ships, trials))
+
+
+def _no_simulator(vessel: VesselChoice | None) -> files.Vessel | str | Path | None:
+    assert not isinstance(vessel, BlackBox)
+    return vessel
 
 
 def can_train(method: str) -> bool:

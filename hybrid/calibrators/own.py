@@ -25,22 +25,14 @@ import pandas as pd
 import safetensors.numpy
 from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 
-from seatrial.acquisition.core import named_code, process, ship
+from seatrial.acquisition.core import files, named_code, process, ship
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, SeatrialError, printable_path
-from seatrial.acquisition.core.files import (
-    make_folder,
-    parse_json,
-    read_regular_file,
-    write_bytes,
-    written_together,
-)
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.tables.table import LARGEST_VALUE
 from seatrial.hybrid import calibrators
 from seatrial.hybrid.calibrators import adaptive, networks
 from seatrial.hybrid.effects.simulators import simulator_of
 from seatrial.hybrid.prediction import baselines, dataset
-from seatrial.hybrid.prediction.reference import VesselChoice
 from seatrial.hybrid.prediction.window_sets import PAST_S, PredictionWindows
 from seatrial.hybrid.vessel.actuators import angle_columns, control_labels
 from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel, model_digest
@@ -196,7 +188,7 @@ class OwnCalibrator(calibrators.Calibrator):
 
     def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
         arrays = dict(tensors)
-        self.range_, plain = arrays.pop("range"), parse_json(arrays.pop("others").tobytes())
+        self.range_, plain = arrays.pop("range"), files.parse_json(arrays.pop("others").tobytes())
         state = {name.removeprefix("own."): value for name, value in arrays.items()} | plain
         with named_code.report_user_code_errors(f"{self._name}.__setstate__", self._file):
             if hasattr(self.own, "__setstate__"):
@@ -330,7 +322,7 @@ def unit_in_name(name: str) -> str:
 
 
 def read_sidecar(
-    folder: Path, method: str | None = None, vessel: VesselChoice | None = None
+    folder: Path, method: str | None = None, vessel: calibrators.VesselChoice | None = None
 ) -> tuple[Sidecar, MotionModel]:
     """Read the sidecar of an artefact and its reference model, checked as far as possible without the weights.
 
@@ -375,7 +367,7 @@ def read_sidecar(
     return sidecar, plant
 
 
-def _simulator_of_sidecar(sidecar: Sidecar, path: Path, vessel: VesselChoice | None) -> BlackBox:
+def _simulator_of_sidecar(sidecar: Sidecar, path: Path, vessel: calibrators.VesselChoice | None) -> BlackBox:
     """The simulator that a calibrator was trained on, as the user names it. Raises :class:`InputError` for none and
     for another."""
     simulator, name = simulator_of(vessel), _shorten_text(sidecar.vessel.simulator)
@@ -396,7 +388,7 @@ def _simulator_of_sidecar(sidecar: Sidecar, path: Path, vessel: VesselChoice | N
 def read_bytes_or_refuse(path: Path) -> bytes:
     """Read a file of an artefact. Raises :class:`InputError`."""
     try:
-        return read_regular_file(path, process.CALIBRATOR_BYTES)
+        return files.read_regular_file(path, process.CALIBRATOR_BYTES)
     except (FileNotFoundError, NotADirectoryError) as error:
         raise InputError("is not a trained calibrator", where=str(path.parent), why=f"{path.name} is missing",
                          fix="make one with `seatrial train`") from error  # fmt: skip
@@ -522,10 +514,10 @@ def save(trained: calibrators.TrainedCalibrator, folder: str | Path) -> Path:
     if not sidecar.vessel.simulator:
         unneeded["vessel"] = {"simulator": True}
     text = _SIDECAR.dump_json(sidecar, indent=2, exclude=unneeded) + b"\n"
-    make_folder(folder)
-    with written_together(folder / SIDECAR):
+    files.make_folder(folder)
+    with files.written_together(folder / SIDECAR):
         for name, content in (contents | {SIDECAR: text}).items():
-            write_bytes(folder / name, content)
+            files.write_bytes(folder / name, content)
     return folder / SIDECAR
 
 
@@ -537,7 +529,7 @@ def _stored_reference(name: str, model: MotionModel) -> Reference:
 
 
 def load(
-    folder: str | Path, method: str | None = None, vessel: VesselChoice | None = None
+    folder: str | Path, method: str | None = None, vessel: calibrators.VesselChoice | None = None
 ) -> calibrators.TrainedCalibrator:
     """Read an artefact; ``method`` is a user's own code that made it, ``FILE.py:CLASS``, which is executed.
 

@@ -24,11 +24,9 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.declarations import vessel_file_of_ship, vessel_names
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, ModelRangeError
+from seatrial.acquisition.core import errors, process, result
 from seatrial.acquisition.core.files import read_regular_file
-from seatrial.acquisition.core.process import CONFIGURATION_BYTES, read_in_child
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import ChosenModel, ModelResult
 from seatrial.acquisition.core.ship import Actuators, control_names, trial_channel_names, wrap_360
 from seatrial.acquisition.tables import table_files, time_columns
 from seatrial.analysis.tables.table import table_actuators
@@ -36,11 +34,9 @@ from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid import calibrators, effects
 from seatrial.hybrid.calibrators.own import load
 from seatrial.hybrid.prediction import baselines, kalman_filter, window_sets
-from seatrial.hybrid.prediction.reference import VesselChoice, choose_reference
+from seatrial.hybrid.vessel import black_box, sensors
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
-from seatrial.hybrid.vessel.black_box import BlackBox, MotionModel
 from seatrial.hybrid.vessel.files import Trials, Vessel, chosen_model, reference_model
-from seatrial.hybrid.vessel.sensors import HEADING
 
 HORIZON_S = 15
 """The default horizon [s]."""
@@ -56,18 +52,18 @@ class Predictor:
     """
 
     vessel: str
-    plant: MotionModel
+    plant: black_box.MotionModel
     horizon_s: int
     trained: calibrators.TrainedCalibrator | None = None
     calibrator: str = ""
-    choice: ChosenModel = field(default_factory=lambda: ChosenModel(""))
+    choice: result.ChosenModel = field(default_factory=lambda: result.ChosenModel(""))
     ship: Vessel | None = None
 
 
 def choose_predictor(
     trials: Trials,
     calibrator: calibrators.TrainedCalibrator | str | Path | None = None,
-    vessel: VesselChoice | None = None,
+    vessel: calibrators.VesselChoice | None = None,
     horizon_s: int | None = None,
     usual_s: int = HORIZON_S,
 ) -> Predictor:
@@ -79,7 +75,7 @@ def choose_predictor(
     calibrator's.
     """
     if calibrator is None:
-        model = choose_reference(trials, vessel)
+        model = calibrators.choose_reference(trials, vessel)
         return Predictor(model.file, model.model, horizon_s or usual_s, choice=model.choice, ship=model.ship)
     loaded = isinstance(calibrator, calibrators.TrainedCalibrator)
     if isinstance(calibrator, calibrators.TrainedCalibrator):
@@ -89,12 +85,12 @@ def choose_predictor(
     seconds = horizon_s or trained.horizon_s
     trained.refuse_horizon(seconds)
     plant = calibrators.plant_of_calibrator(trained, vessel)
-    if isinstance(plant, BlackBox):
-        chosen = choose_reference(trials, plant)
+    if isinstance(plant, black_box.BlackBox):
+        chosen = calibrators.choose_reference(trials, plant)
         return Predictor(chosen.file, plant, seconds, trained, "" if loaded else str(calibrator), chosen.choice)
     name = Path(trained.vessel).stem
     remark, ship = chosen_model(name, {name}, trials), None
-    with suppress(ConfigurationError):
+    with suppress(errors.ConfigurationError):
         files = (vessel_file_of_ship(name, path.parent) for path in trials)
         file = trained.vessel if trained.vessel in vessel_names() else next(filter(None, files), None)
         if file is not None:
@@ -105,7 +101,7 @@ def choose_predictor(
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Prediction(ModelResult):
+class Prediction(result.ModelResult):
     """One predicted track.
 
     ``track`` [H+1, 3]: north, east [m], heading [rad]; ``region_m`` [H+1, 2]: the semi-axes of its 95 % region,
@@ -165,12 +161,12 @@ def parse_start_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
             return pd.Timestamp(float(text), unit="s", tz="UTC")
         at = pd.Timestamp(text)
     except ValueError as error:
-        raise InputError(
+        raise errors.InputError(
             f"{text!r} is not a time",
             fix=f"write it like {start.isoformat()}, as seconds since 1970, or as +SECONDS from the start",
         ) from error
     if at.tzinfo is None:
-        raise InputError(f"{text!r} has no time zone", fix=f"write it like {start.isoformat()}")
+        raise errors.InputError(f"{text!r} has no time zone", fix=f"write it like {start.isoformat()}")
     return at.tz_convert("UTC")
 
 
@@ -184,7 +180,7 @@ def window_starting_at(
     table, times = recorded.table, pd.DatetimeIndex(recorded.table.index)
     first, last = pd.Timestamp(times[0]), pd.Timestamp(times[-1])
     if not first <= at <= last:
-        raise InputError(
+        raise errors.InputError(
             f"{at.isoformat()} is outside the recording",
             fix=f"choose from {first.isoformat()} to {last.isoformat()}",
         )
@@ -195,19 +191,19 @@ def window_starting_at(
     missing = [name for name, present in zip(trial_channel_names(actuators), finite[0], strict=True) if not present]
     if missing:
         start = pd.Timestamp(start_ns[0], tz="UTC").isoformat()
-        raise InputError(f"{', '.join(missing)} has no value at {start}", fix="choose another time")
+        raise errors.InputError(f"{', '.join(missing)} has no value at {start}", fix="choose another time")
     name = np.array(["prediction"])
     windows = window_sets.windows_of_channels(
         channels, actuators, name, name, start_ns, None, {"prediction": recorded}
     )
-    return windows, bool(finite[:, : HEADING + 1].all())
+    return windows, bool(finite[:, : sensors.HEADING + 1].all())
 
 
 def predict(
     recorded: OneHertzTables,
     at: pd.Timestamp,
     horizon_s: int,
-    plant: MotionModel,
+    plant: black_box.MotionModel,
     trained: calibrators.TrainedCalibrator | None = None,
     commands: pd.DataFrame | None = None,
 ) -> Prediction:
@@ -238,7 +234,7 @@ def predict(
             windows = replace(windows, commands=controls[None])
     track = baselines.simulate_reference(windows, plant)
     if not np.isfinite(track).all():
-        raise ModelRangeError(
+        raise errors.ModelRangeError(
             f"from {at.isoformat()} the reference model leaves its valid range",
             why="speeds or thrust are outside those of this vessel",
             fix="choose another time, or check --vessel and the units of the recording",
@@ -268,23 +264,23 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
     """
     try:
         if path.suffix == ".parquet":
-            table = read_in_child(table_files.FOREIGN_READER, "parquet", path).to_pandas()
+            table = process.read_in_child(table_files.FOREIGN_READER, "parquet", path).to_pandas()
         else:
-            table = pd.read_csv(BytesIO(read_regular_file(path, CONFIGURATION_BYTES)), comment="#")
-    except InputError:
+            table = pd.read_csv(BytesIO(read_regular_file(path, process.CONFIGURATION_BYTES)), comment="#")
+    except errors.InputError:
         raise
     except (OSError, ValueError) as error:
-        raise InputError("cannot be read as a table of commands", where=str(path), why=str(error)) from error
+        raise errors.InputError("cannot be read as a table of commands", where=str(path), why=str(error)) from error
     names, channels = [str(name).strip() for name in table.columns], control_names(actuators)
     table.columns = pd.Index(names)
     time_column = next((name for name in names if name in ("second", "time")), None)
     if time_column is None:
-        raise InputError(
+        raise errors.InputError(
             "has no column second or time", where=str(path), fix="give the seconds after the start, or the times"
         )
     unknown = sorted(set(names) - {time_column, *channels})
     if unknown or len(set(names)) < len(names) or len(names) < 2:
-        raise InputError(
+        raise errors.InputError(
             f"has the columns {', '.join(names)}", where=str(path),
             fix=f"give second or time, and each at most once of {', '.join(channels)}",
         )  # fmt: skip
@@ -294,9 +290,9 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
         table[time_column] = pd.to_numeric(table[time_column], errors="coerce").replace(np.inf, np.nan)
     orders = pd.DataFrame(table.set_index(time_column).apply(pd.to_numeric, errors="coerce"))
     if orders.empty or orders.index.hasnans or not np.isfinite(orders.to_numpy(dtype=float)).all():
-        raise InputError("contains cells that are not numbers, or no row", where=str(path))
+        raise errors.InputError("contains cells that are not numbers, or no row", where=str(path))
     if not (orders.index.is_monotonic_increasing and orders.index.is_unique):
-        raise InputError(
+        raise errors.InputError(
             f"its {time_column}s do not increase from row to row", where=str(path), fix="sort them, each once"
         )
     return orders

@@ -24,10 +24,9 @@ from seatrial.acquisition.core.errors import DataShortageError, Progress, Seatri
 from seatrial.acquisition.core.quantities import Bools, Floats, rotate_earth_to_ship
 from seatrial.acquisition.core.ship import ENVIRONMENT, Actuators, control_names, is_circular, unwrap
 from seatrial.acquisition.recording.reader import read_parts_of_recording
-from seatrial.analysis.manoeuvres import find, kinds, measures
+from seatrial.analysis.manoeuvres import find, kinds, measures, straight_runs
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of
-from seatrial.analysis.manoeuvres.straight_runs import acceleration_indices, drift_indices, stopping_indices
 from seatrial.analysis.quality.repairs import Preparation, prepare_table
 from seatrial.analysis.tables.table import NANO, require, select, table_actuators, times_ns, trial_of
 from seatrial.analysis.windows.held import named_recordings
@@ -186,9 +185,11 @@ def final_speed_mps(run: Manoeuvre) -> float:
 
 
 _MEASURES: dict[str, Callable[[Motion, Floats], Indices]] = {
-    "pull_out": kinds.pull_out_indices, "acceleration": acceleration_indices, "thruster_test": drift_indices,
-    "crabbing": drift_indices,
-}  # fmt: skip
+    "pull_out": kinds.pull_out_indices,
+    "acceleration": straight_runs.acceleration_indices,
+    "thruster_test": straight_runs.drift_indices,
+    "crabbing": straight_runs.drift_indices,
+}
 REPLAYED_KINDS = ("turning_circle", "zigzag", "stopping", *_MEASURES)
 """The kinds of manoeuvre that can be replayed."""
 
@@ -219,7 +220,7 @@ def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: MotionMode
         motion = replay_run(recorded, run, plant, lambda motion: motion.surge_mps <= final_speed_mps(run))
         if motion.surge_mps[-1] > final_speed_mps(run):
             raise DataShortageError("the model does not stop in twice the time of the ship")
-        return stopping_indices(motion, np.array([start, motion.time_s[-1]]))
+        return straight_runs.stopping_indices(motion, np.array([start, motion.time_s[-1]]))
     values = _MEASURES[run.kind](replay_run(recorded, run, plant), np.array([start, end]))
     if not values:
         raise DataShortageError("the rate of turn of the model does not settle in the time of the run")

@@ -25,10 +25,9 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
+from seatrial.acquisition.core import result, ship
 from seatrial.acquisition.core.errors import DataShortageError, InputError, Progress, SeatrialError
 from seatrial.acquisition.core.quantities import Bools, Floats, Strings, integrate, to_earth
-from seatrial.acquisition.core.result import ModelResult, to_json
-from seatrial.acquisition.core.ship import POSE_AND_VELOCITY
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.quality import situations
 from seatrial.analysis.quality.motion.findings import LIMITS
@@ -48,7 +47,7 @@ _MOST_WINDOWS = 2000  # of all recordings: more take memory, and change no mean
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Validation(ModelResult):
+class Validation(result.ModelResult):
     """Scores and tracks by method, on the same windows for all, from starts as they were known at second 0.
 
     ``two_sided`` has the scores from the starts as they are known afterwards, by the seconds to either side.
@@ -119,7 +118,7 @@ class Validation(ModelResult):
                 for name, axis_m in baselines.region_bands(middle_m).items()
             },
             "fallback": self.fallback,
-            "truths": to_json(self.truths),
+            "truths": result.to_json(self.truths),
             "by_length": None if self.by_length is None else self.by_length.as_json(self.windows.horizon_s),
             **(self.indices or IndexComparisons()).as_json(),
         }
@@ -245,7 +244,7 @@ def add_truth_tracks(
     shape = (len(windows), len(TRUTHS), windows.horizon_s + 1, 2)
     truths, errors = np.full((2, *shape), np.nan)
     start_ns, random = windows.start_ns, np.random.default_rng(0)
-    channels, gap = list(POSE_AND_VELOCITY), np.full(6, np.nan)  # a row of NaN, for the row number -1
+    channels, gap = list(ship.POSE_AND_VELOCITY), np.full(6, np.nan)  # a row of NaN, for the row number -1
     for number, (trial, table) in enumerate(tables.items()):
         progress(number / len(tables))
         in_trial = np.flatnonzero(windows.trial == trial)

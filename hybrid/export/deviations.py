@@ -15,9 +15,7 @@ import numpy as np
 from seatrial.acquisition.core.errors import ConfigurationError, ModelRangeError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.simulation import manoeuvres
-from seatrial.hybrid.vessel import dynamics
-from seatrial.hybrid.vessel.actuators import control_units
-from seatrial.hybrid.vessel.files import Vessel
+from seatrial.hybrid.vessel import actuators, dynamics, files
 from seatrial.hybrid.vessel.plant import Plant
 
 _STEP_S, _APPROACH_S, _TURN_S, _STOP_S = 0.1, 5.0, 120.0, 240.0  # at R/V Gunnerus' pace
@@ -52,13 +50,13 @@ class Deviation:
         return f"{self.run}: at most {self.distance_m:.3g} m ({lengths}) and {self.heading_deg:.2g} deg off"
 
 
-def standard_runs(vessel: Vessel, plant: Plant) -> list[StandardRun]:
+def standard_runs(vessel: files.Vessel, plant: Plant) -> list[StandardRun]:
     """The turn and the crash stop of a ship; without those that it cannot make in the range of its model."""
     try:
         handling, pace = manoeuvres.handling_of(vessel), manoeuvres.pace_of(vessel)
     except ConfigurationError:  # nothing drives it
         return []
-    rpm, units = manoeuvres.usual_rpm(vessel), control_units(vessel.actuators)
+    rpm, units = manoeuvres.usual_rpm(vessel), actuators.control_units(vessel.actuators)
     ahead = handling.orders(rpm, 0.0) * units
     start = np.array([0.0, 0.0, 0.0, manoeuvres.steady_speed_mps(plant, ahead), 0.0, 0.0])
 

@@ -17,18 +17,7 @@ from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.hybrid.export import translate
 from seatrial.hybrid.export.translate import Code, Constant, Member, Record, Translator, Untranslatable
 from seatrial.hybrid.simulation import manoeuvres
-from seatrial.hybrid.vessel import dynamics
-from seatrial.hybrid.vessel.actuators import (
-    CODES,
-    CONTROL,
-    FIRST_NUMBER,
-    KIND,
-    KINDS,
-    PLAY,
-    control_labels,
-)
-from seatrial.hybrid.vessel.files import Vessel
-from seatrial.hybrid.vessel.hulls import HULL_CODES
+from seatrial.hybrid.vessel import actuators, dynamics, files, hulls
 from seatrial.hybrid.vessel.plant import TABLES, Plant, actuator_rows, number_of_controls, pack
 
 _STRUCTURE = ("behind", "drift_as_angle")
@@ -106,14 +95,14 @@ class ShipNumbers:
         return ast.Name("name") if isinstance(place, Member) else self.names[int(place)]
 
     def _row_shape(self, i: int) -> Any:
-        kind = KINDS[self.kinds[i]]
+        kind = actuators.KINDS[self.kinds[i]]
         facts = tuple(self._fixed(i, name) for name in kind.numbers)
         return (self.kinds[i], facts)
 
     def _fixed(self, i: int, name: str) -> float | None:
         """A number that decides which equations hold, or None: another ship of the kind may have another."""
-        value = float(self.rows[i, FIRST_NUMBER + KINDS[self.kinds[i]].numbers.index(name)])
-        lagging = name in (KINDS[self.kinds[i]].lag, PLAY) and value == 0.0
+        value = float(self.rows[i, actuators.FIRST_NUMBER + actuators.KINDS[self.kinds[i]].numbers.index(name)])
+        lagging = name in (actuators.KINDS[self.kinds[i]].lag, actuators.PLAY) and value == 0.0
         return value if name in _STRUCTURE or lagging else None
 
     def _of_ship(self, node: ast.expr, key: Any, _: ast.expr | None) -> Any:
@@ -121,7 +110,7 @@ class ShipNumbers:
             return Record(translate.subscript(node, "hull"), "hull", self._of_hull)
         if key == "actuators":
             return Record(node, "actuators", self._of_actuators)
-        structure = {"actuator_count": float(len(self.names)), "hull_model": HULL_CODES[self.plant.form.hull]}
+        structure = {"actuator_count": float(len(self.names)), "hull_model": hulls.HULL_CODES[self.plant.form.hull]}
         if key in structure:
             return Constant(structure[key])
         value = self.plant.number(key)
@@ -158,9 +147,13 @@ class ShipNumbers:
 
     def _of_row(self, index: int) -> Any:
         def item(node: ast.expr, key: Any, _: ast.expr | None) -> Any:
-            if key in (KIND, CONTROL):
-                return Constant(CODES[self.kinds[index]] if key == KIND else float(self.rows[index, CONTROL]))
-            name = KINDS[self.kinds[index]].numbers[int(key) - FIRST_NUMBER]
+            if key in (actuators.KIND, actuators.CONTROL):
+                return Constant(
+                    actuators.CODES[self.kinds[index]]
+                    if key == actuators.KIND
+                    else float(self.rows[index, actuators.CONTROL])
+                )
+            name = actuators.KINDS[self.kinds[index]].numbers[int(key) - actuators.FIRST_NUMBER]
             fixed = self._fixed(index, name)
             if fixed is not None:
                 return Constant(fixed)
@@ -173,7 +166,7 @@ class ShipNumbers:
         return item
 
 
-def equations_of(vessel: Vessel, plant: Plant) -> Equations:
+def equations_of(vessel: files.Vessel, plant: Plant) -> Equations:
     """The equations of a vessel whose model, with its effects, is ``plant``.
 
     Raises :class:`ConfigurationError` for a force of one's own whose code cannot be translated.
@@ -193,7 +186,7 @@ def equations_of(vessel: Vessel, plant: Plant) -> Equations:
             fix="take the effect that has it out of the vessel file, or write its force as the kernels are: "
             "numbers, if and else, loops of known length, and the functions of math",
         ) from error
-    drives = [drive for entry in vessel.actuator for drive in KINDS[entry.kind].drives(entry)]
+    drives = [drive for entry in vessel.actuator for drive in actuators.KINDS[entry.kind].drives(entry)]
     drive_numbers = {
         name: tuple(float(getattr(drive, name)) for drive in drives) for name in ("lag_s", "limit", "rate")
     }
@@ -202,7 +195,7 @@ def equations_of(vessel: Vessel, plant: Plant) -> Equations:
     read = {name: value for name, value in numbers.used.items() if isinstance(value, dict) or f'"{name}"' in text}
     lengths = {name: plant.number(name) for name in ("length_between_perpendiculars_m", "length_overall_m")}
     numbers_read = {**read, "drives": drive_numbers}
-    return Equations(text, numbers_read, control_labels(plant.layout), extra_states, lengths)
+    return Equations(text, numbers_read, actuators.control_labels(plant.layout), extra_states, lengths)
 
 
 RESERVED = (
@@ -332,9 +325,11 @@ def _acting_controls(
     plant, rows = numbers.plant, enumerate(numbers.kinds)
     lagging, loose = plant.number("thruster_lag_s") != 0.0, False
     for i, kind in rows:
-        table = dict(zip(KINDS[kind].numbers, numbers.rows[i, FIRST_NUMBER:].tolist(), strict=False))
-        lagging = lagging or table.get(KINDS[kind].lag, 0.0) != 0.0
-        loose = loose or table.get(PLAY, 0.0) != 0.0
+        table = dict(
+            zip(actuators.KINDS[kind].numbers, numbers.rows[i, actuators.FIRST_NUMBER :].tolist(), strict=False)
+        )
+        lagging = lagging or table.get(actuators.KINDS[kind].lag, 0.0) != 0.0
+        loose = loose or table.get(actuators.PLAY, 0.0) != 0.0
     if not lagging and not loose:
         return [], ()
     text = "The controls that act, on average and at the end of a step of dt_s, and the gears behind their play."

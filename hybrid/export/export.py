@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import csv
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from io import StringIO
+from math import isinf
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from seatrial.acquisition.core.errors import ConfigurationError, UsageError
+from seatrial.acquisition.core import errors, result, trial
 from seatrial.acquisition.core.files import atomic_file, require_suffix, write_text
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.result import Result
-from seatrial.acquisition.core.trial import software_version
 from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
+from seatrial.hybrid.export import fmu, matrices, matrix_files, symbolic
 from seatrial.hybrid.export.deviations import Deviation, StandardRun, deviations, standard_runs, step_by_step
-from seatrial.hybrid.export.equations import Equations, equations_of
+from seatrial.hybrid.export.equations import Equations, equations_of, flat_parameters
 from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant
 
@@ -31,10 +34,13 @@ FORMS = {
     ".csv": "table of the numbers",
 }  # fmt: skip
 """The forms by the suffixes of their files."""
+_MODULE_WIDTH = 112
+_TABLE_COLUMNS = ("name", "value", "unit", "group", "source", "low", "high")
+_TWO_SIDED = 1.96  # standard deviations: 95 %
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ModelExport(Result):
+class ModelExport(result.Result):
     """A model as it was exported: its files, what is to be said of it, and how far runs by it are off.
 
     ``tracks`` has for each standard run its name, the simulator's states [K+1, 6] and those of the exported model.
@@ -87,7 +93,7 @@ def export_model(
     """
     path, form = Path(output), require_suffix(output, *FORMS)
     if fmi not in (2, 3):
-        raise UsageError("is neither 2 nor 3", where="--fmi")
+        raise errors.UsageError("is neither 2 nor 3", where="--fmi")
     model = ExportedModel(vessel, catalogue)
     files, said, tracks, off = _WRITERS[form](model, path, fmi)
     return ModelExport(vessel.name, FORMS[form], tuple(files), tuple(said), tuple(off), tuple(tracks))
@@ -107,7 +113,7 @@ class ExportedModel:
         """What holds of every form: where it is from, and what no form has."""
         effects = dict(self.vessel.effects)
         recorded = [name for name in effects if name == "command_delay" or self.catalogue[name].kind == "sensor"]
-        sentences = [f"Exported by {software_version()} from the vessel {self.vessel.name}"
+        sentences = [f"Exported by {trial.software_version()} from the vessel {self.vessel.name}"
                      + (f", with {', '.join(effects)}." if effects else "."),
                      "Three degrees of freedom; waves, gusts and what sensors report are not in it, and outside "
                      "the speeds that the vessel file calls valid its forces mean nothing."]  # fmt: skip
@@ -135,13 +141,78 @@ Written = tuple[list[Path], list[str], list[tuple[str, Floats, Floats]], list[De
 
 
 def _write_module(model: ExportedModel, path: Path, _: int) -> Written:
-    from seatrial.hybrid.export.module import module_text, track_of_module
+    space: dict[str, Any] = {}
+    exec(compile(_module_text(model.vessel, model.equations, model.remarks()), "exported.py", "exec"), space)
 
-    draft = module_text(model.vessel, model.equations, model.remarks())
-    tracks, off, words = model.measured(partial(track_of_module, draft, model.equations))
+    def track(run: StandardRun) -> Floats:
+        def after(state: Floats, orders: Floats) -> Floats:
+            return np.asarray(space["step"](state, orders, np.zeros(2), run.dt_s))
+
+        return step_by_step(run, len(model.equations.extra_states), after)
+
+    tracks, off, words = model.measured(track)
     remarks = [*model.remarks(), _IN_STEP, *words]
-    return [write_text(path, module_text(model.vessel, model.equations, remarks))], remarks, tracks, off
+    return [write_text(path, _module_text(model.vessel, model.equations, remarks))], remarks, tracks, off
 
+
+def _module_text(vessel: Vessel, equations: Equations, remarks: Sequence[str]) -> str:
+    """The source of the module."""
+    states = {"acting": "the controls that act", "behind": "the controls behind their gears' play"}
+    drives = ["the drives' feedback", *(states[name] for name in equations.extra_states)]
+    head = _MODULE_HEAD.format(
+        title=_safe_in_docstring(f"{vessel.name}: {vessel.description or 'a ship in three degrees of freedom'}."),
+        remarks="\n\n".join(_safe_in_docstring(fill(remark, _MODULE_WIDTH)) for remark in remarks),
+        controls=", ".join(equations.controls), drives=", then ".join(drives),
+        rpm=", those of tunnel thrusters per minute" if any("_rpm" in name for name in equations.controls) else "",
+    )  # fmt: skip
+    names = f"CONTROLS = ({', '.join(_quoted(name) for name in equations.controls)},)"
+    numbers = f"PARAMETERS = {_dict_source(equations.parameters, '')}"
+    return "\n\n".join([head, f"{symbolic.array_functions()}\n", f"{names}\n\n{numbers}\n", equations.text]) + "\n"
+
+
+def _safe_in_docstring(text: str) -> str:
+    """A text that ends no docstring and begins no escape."""
+    return text.replace("\\", "/").replace('"""', "'''")
+
+
+def _quoted(text: str) -> str:
+    return f'"{text}"'
+
+
+def _dict_source(values: dict[str, Any], indent: str) -> str:
+    inner = f"{indent}    "
+    entries = [f"{inner}{_quoted(name)}: {_value_source(value, inner)}," for name, value in values.items()]
+    return "\n".join(["{", *entries, f"{indent}}}"])
+
+
+def _value_source(value: Any, indent: str) -> str:
+    if isinstance(value, dict):
+        return _dict_source(value, indent)
+    if isinstance(value, tuple):
+        return f"xp.array([{', '.join(_value_source(part, indent) for part in value)}])"
+    return ("-xp.inf" if value < 0.0 else "xp.inf") if isinf(value) else repr(float(value))
+
+
+_MODULE_HEAD = '''"""{title}
+
+{remarks}
+
+``derivative`` is the rate of change of the six states while the controls that act hold, ``runge_kutta`` a step of
+it, ``step`` one of the ship with its drives, which follow orders. The last axis of an array has the states, the
+controls or the wind; other axes are of a batch. Angles are in radians, shafts turn in revolutions per
+second{rpm}.
+
+    state     north [m], east [m], heading [rad], surge, sway over ground [m/s], yaw rate [rad/s]
+    controls  {controls}
+    wind      where it comes from [rad], its speed [m/s]
+
+For ``step`` the state goes on with {drives}, a number for each control.
+A number of ``PARAMETERS`` may be changed, or an own table handed over as ``p``. For gradients and compilation put
+jax.numpy in numpy's place below.
+"""
+
+import numpy as xp
+'''
 
 _IN_STEP = (
     "The drives' lags, rates and limits, and lags and play of gears, are states of `step`; `derivative` has none "
@@ -150,11 +221,9 @@ _IN_STEP = (
 
 
 def _write_casadi(model: ExportedModel, path: Path, _: int) -> Written:
-    from seatrial.hybrid.export.symbolic import SymbolicShip
-
-    symbolic = SymbolicShip(model.equations)
+    ship = symbolic.SymbolicShip(model.equations)
     step_path = path.with_name(f"{path.stem}_step{path.suffix}")
-    derivative, step = symbolic.derivative(), symbolic.step()
+    derivative, step = ship.derivative(), ship.step()
 
     def track(run: StandardRun) -> Floats:
         def after(state: Floats, orders: Floats) -> Floats:
@@ -169,7 +238,7 @@ def _write_casadi(model: ExportedModel, path: Path, _: int) -> Written:
         with atomic_file(file) as temporary:
             function.save(str(temporary))
     controls = f"controls: {', '.join(model.equations.controls)}"
-    inputs = "\n".join([controls, *(f"{name} = {value!r}" for name, value in symbolic.values.items())])
+    inputs = "\n".join([controls, *(f"{name} = {value!r}" for name, value in ship.values.items())])
     notes = write_text(path.with_name(f"{path.name}.txt"), "\n\n".join([*remarks, inputs]) + "\n")
     return [path, step_path, notes], remarks, tracks, off
 
@@ -181,14 +250,12 @@ _CASADI = (
 
 
 def _write_fmu(model: ExportedModel, path: Path, fmi: int) -> Written:
-    from seatrial.hybrid.export import fmu
-
     built = fmu.build_fmu(model.vessel, model.equations, fmi)
     remarks = [*model.remarks(), _FMU]
     built.write(path, remarks)
     try:
         fmu.load_fmpy()
-    except ConfigurationError:
+    except errors.ConfigurationError:
         return [path], [*remarks, built.said, "FMPy is not installed, so it was not run."], [], []
     if not built.has_library:
         return [path], [*remarks, built.said], [], []
@@ -204,8 +271,6 @@ _FMU = (
 
 
 def _write_matrices(model: ExportedModel, path: Path, _: int) -> Written:
-    from seatrial.hybrid.export import matrices, matrix_files
-
     matrix = matrices.matrix_model(model.vessel, model.plant)
     tracks, off, words = model.measured(partial(matrices.track_of_matrices, model.vessel, matrix))
     remarks = [*model.remarks(), _MATRICES, *_fit_in_words(matrix.fit), *words]
@@ -218,8 +283,6 @@ def _write_matrices(model: ExportedModel, path: Path, _: int) -> Written:
 
 
 def _write_gazebo(model: ExportedModel, path: Path, _: int) -> Written:
-    from seatrial.hybrid.export import matrices, matrix_files
-
     matrix = matrices.matrix_model(
         model.vessel, model.plant, matrix_files.GAZEBO_TERMS, matrix_files.GAZEBO_STEERING
     )
@@ -233,10 +296,38 @@ def _write_gazebo(model: ExportedModel, path: Path, _: int) -> Written:
 
 
 def _write_table(model: ExportedModel, path: Path, _: int) -> Written:
-    from seatrial.hybrid.export.parameter_table import write_table
+    """The numbers of the model: name, value, unit, where it is from, and its interval; remarks as comments before.
 
-    remarks = model.remarks()
-    return [write_table(path, model.vessel, model.plant, model.equations, remarks)], remarks, [], []
+    An interval of 95 % is there for a number whose standard deviation the vessel file has in ``[estimated]``.
+    """
+    text, remarks, vessel, hull = StringIO(), model.remarks(), model.vessel, set(model.plant.hull_model.numbers)
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_TABLE_COLUMNS)
+    kinds = {actuator.name: actuator.kind for actuator in vessel.actuators}
+    for name, value in flat_parameters(model.equations).items():
+        group = _group_of(name, vessel, hull)
+        keys = f"{group}.{name.removeprefix(f'{group}_')}", f"{group}.{name}"  # both may be in [estimated]
+        share = next((vessel.estimated[key] for key in keys if key in vessel.estimated), None)
+        spread = None if share is None else _TWO_SIDED * share * abs(value)
+        interval = ("", "") if spread is None else (repr(value - spread), repr(value + spread))
+        kind = kinds.get(group, group)  # the vessel file says where a part is from by its name or that of its kind
+        parts = (group, kind, f"{kind}s", f"{group}s", *(("thrusters",) if group in kinds else ()))
+        source = next((vessel.provenance[part] for part in parts if part in vessel.provenance), "")
+        writer.writerow([name, repr(value), fmu.unit_of_number(name), group, source, *interval])
+    comments = "".join(f"# {remark}\n" for remark in remarks)
+    return [write_text(path, comments + text.getvalue())], remarks, [], []
+
+
+def _group_of(name: str, vessel: Vessel, hull: set[str]) -> str:
+    """The part of the ship that a number is of: its hull, an actuator, the wind, else the ship."""
+    if name in hull:
+        return "hull"
+    actuators = [actuator.name for actuator in vessel.actuators if name.startswith(f"{actuator.name}_")]
+    if actuators:
+        return max(actuators, key=len)
+    wind = ("CX_", "CY_", "CN_", "wind_", "air_", "frontal_", "lateral_")
+    inertia = ("mass_kg", "yaw_inertia", "Xud", "Yvd", "Yrd", "Nrd", "centre_of")
+    return "wind" if name.startswith(wind) else "inertia" if name.startswith(inertia) else "ship"
 
 
 def _fit_in_words(fit: tuple[float, float, float]) -> list[str]:

@@ -28,14 +28,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from seatrial.acquisition.core import ship
-from seatrial.acquisition.core.errors import ConfigurationError
+from seatrial.acquisition.core import errors, ship, trial
 from seatrial.acquisition.core.files import atomic_file
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.acquisition.core.trial import software_version
-from seatrial.hybrid.export.deviations import StandardRun
+from seatrial.hybrid.export import deviations, symbolic
 from seatrial.hybrid.export.equations import Equations
-from seatrial.hybrid.export.symbolic import SymbolicShip, finite_parameters
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.sensors import STATE_UNITS
@@ -134,7 +131,7 @@ def interface_of(vessel: Vessel, equations: Equations) -> Interface:
                                  ("yaw_radps2", "rad/s2", "in yaw, positive to starboard"))
     ]  # fmt: skip
     forces = [("force_ahead_n", "N"), ("force_starboard_n", "N"), ("yaw_moment_nm", "N.m")]
-    numbers = finite_parameters(equations)
+    numbers = symbolic.finite_parameters(equations)
     return Interface({
         "VR_TIME": [Variable("time", "s", "Simulation time", "independent")],
         "VR_ORDERS": orders,
@@ -216,7 +213,7 @@ def build_fmu(vessel: Vessel, equations: Equations, fmi: int = 3) -> Fmu:
 
     Raises :class:`ConfigurationError` where CasADi is not installed or the compiler fails.
     """
-    ship_c = SymbolicShip(equations).c_code()
+    ship_c = symbolic.SymbolicShip(equations).c_code()
     interface, name = interface_of(vessel, equations), identifier_of(vessel.name)
     sources = {
         "instance.h": _source_text("instance.h"), f"fmi{fmi}.c": _source_text(f"fmi{fmi}.c"),
@@ -227,7 +224,12 @@ def build_fmu(vessel: Vessel, equations: Equations, fmi: int = 3) -> Fmu:
     sources["model.h"] = _model_header(equations, interface, control_units(vessel.actuators), token)
     files = {f"sources/{source}": text.encode() for source, text in sources.items()}
     if fmi == 3:
-        files["sources/buildDescription.xml"] = _build_description(name)
+        description = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
+        configuration = ElementTree.SubElement(description, "BuildConfiguration", modelIdentifier=name)
+        source_files = ElementTree.SubElement(configuration, "SourceFileSet", language="C99")
+        for source in ("fmi3.c", "ship.c"):
+            ElementTree.SubElement(source_files, "SourceFile", name=source)
+        files["sources/buildDescription.xml"] = _xml_bytes(description)
     library, said = _compile_library(sources, fmi)
     if library:
         files[f"binaries/{_platform_folder(fmi)}/{name}{_library_ending()}"] = library
@@ -273,7 +275,7 @@ def _description_of_fmi_2(vessel: Vessel, interface: Interface, token: str, rema
     """The description by FMI 2.0; its variables are counted from one, without the time."""
     root = ElementTree.Element(
         "fmiModelDescription", fmiVersion="2.0", modelName=vessel.name, guid=token,
-        description=_description_text(remarks, vessel), generationTool=software_version(),
+        description=_description_text(remarks, vessel), generationTool=trial.software_version(),
         variableNamingConvention="flat", numberOfEventIndicators="0",
     )  # fmt: skip
     simulation = ElementTree.SubElement(
@@ -309,7 +311,7 @@ def _description_of_fmi_2(vessel: Vessel, interface: Interface, token: str, rema
 def _description_of_fmi_3(vessel: Vessel, interface: Interface, token: str, remarks: Sequence[str]) -> bytes:
     root = ElementTree.Element(
         "fmiModelDescription", fmiVersion="3.0", modelName=vessel.name, instantiationToken=token,
-        description=_description_text(remarks, vessel), generationTool=software_version(),
+        description=_description_text(remarks, vessel), generationTool=trial.software_version(),
         variableNamingConvention="flat",
     )  # fmt: skip
     ElementTree.SubElement(
@@ -343,15 +345,6 @@ def _xml_attributes(variable: Variable) -> dict[str, str]:
     if variable.start is not None:
         attributes["start"] = str(bool(variable.start)).lower() if variable.is_truth else repr(variable.start)
     return attributes
-
-
-def _build_description(name: str) -> bytes:
-    root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
-    configuration = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=name)
-    sources = ElementTree.SubElement(configuration, "SourceFileSet", language="C99")
-    for source in ("fmi3.c", "ship.c"):
-        ElementTree.SubElement(sources, "SourceFile", name=source)
-    return _xml_bytes(root)
 
 
 def _xml_bytes(root: ElementTree.Element) -> bytes:
@@ -391,7 +384,7 @@ def _compile_library(sources: Mapping[str, str], fmi: int) -> tuple[bytes, str]:
                    f"fmi{fmi}.c", "ship.c", "-lm"]  # fmt: skip
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=_COMPILE_S, check=False)
         if done.returncode:
-            raise ConfigurationError(
+            raise errors.ConfigurationError(
                 f"{compiler} cannot compile the FMU",
                 why=done.stderr.strip().splitlines()[-1]
                 if done.stderr.strip()
@@ -410,7 +403,7 @@ def load_fmpy() -> Any:
         import fmpy.fmi2
         import fmpy.fmi3
     except ImportError as error:
-        raise ConfigurationError(
+        raise errors.ConfigurationError(
             "an FMU is run with FMPy, which is not installed", fix="pip install 'seatrial[fmu]'"
         ) from error
     return fmpy
@@ -475,7 +468,7 @@ class FmuShip:
         return np.asarray(np.array(self.get(self.motion)) * STATE_UNITS)
 
 
-def track_of_fmu(path: Path, actuators: ship.Actuators, run: StandardRun) -> Floats:
+def track_of_fmu(path: Path, actuators: ship.Actuators, run: deviations.StandardRun) -> Floats:
     """The states [K+1, 6] of a run by an FMU; by the internal step that the run has."""
     with fmu_instance(path) as (instance, references):
         sailing = FmuShip(instance, references, actuators)

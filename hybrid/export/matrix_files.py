@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from seatrial.acquisition.core.files import atomic_file
+from seatrial.acquisition.core.files import atomic_file, write_text
 from seatrial.hybrid.export.matrices import SECOND_ORDER, MatrixModel, Thruster
 from seatrial.hybrid.vessel.files import Vessel
 from seatrial.hybrid.vessel.plant import Plant
@@ -27,8 +27,6 @@ FACTORS = {
 
 def write_m(path: Path, name: str, model: MatrixModel, remarks: Sequence[str]) -> Path:
     """Write a function of MATLAB: the accelerations and the matrices at speeds and controls."""
-    from seatrial.acquisition.core.files import write_text
-
     damping = [
         f"D({'XYN'.index(axis) + 1},{'uvr'.index(FACTORS[term][0]) + 1}) = "
         f"D({'XYN'.index(axis) + 1},{'uvr'.index(FACTORS[term][0]) + 1}) - ({value!r}) * {FACTORS[term][1]};"
@@ -143,8 +141,6 @@ _GAZEBO = {
 
 def write_sdf(path: Path, vessel: Vessel, plant: Plant, model: MatrixModel, remarks: Sequence[str]) -> Path:
     """Write a model with the plugins of Gazebo for the hull and the thrusters."""
-    from seatrial.acquisition.core.files import write_text
-
     root = ElementTree.Element("sdf", version="1.9")
     ship = ElementTree.SubElement(root, "model", name=vessel.name)
     link = ElementTree.SubElement(ship, "link", name="base_link")

@@ -24,14 +24,10 @@ from seatrial.acquisition.core.errors import join_words
 from seatrial.acquisition.core.result import to_json
 from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of_kind
 from seatrial.analysis.report import pages, tables
-from seatrial.hybrid.diagnosis import acceptance, linearise, result, verdict
+from seatrial.hybrid.diagnosis import acceptance, linearise, regression, result, verdict, witnesses
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
-from seatrial.hybrid.diagnosis.regression import AXES, INTERACTIONS, OPERATION
-from seatrial.hybrid.diagnosis.witnesses import shaft_excess
-from seatrial.hybrid.effects import VERSION, Catalogue, Effect, parameter_of
-from seatrial.hybrid.effects.context import option_of
-from seatrial.hybrid.effects.environment import STEADY_WIND
+from seatrial.hybrid.effects import VERSION, Catalogue, Effect, context, environment, parameter_of
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.text import (
     UNITS,
@@ -150,7 +146,7 @@ def _named_effects(conclusion: verdict.Conclusion) -> tuple[result.NamedEffect, 
         overall = result.NamedEffect(
             effect.base, effect.family, effect.kind, share, accepted.tests[name].p_value, "", sizes[-1],
             conclusion.replicated[name], log_odds - evidence.log_odds(remaining), effect.scope,
-            in_vessel=effect.base != STEADY_WIND.name and not is_imitation,
+            in_vessel=effect.base != environment.STEADY_WIND.name and not is_imitation,
         )  # fmt: skip
         if isinstance(effect, linearise.TimeVaryingEffect):
             effects += effects_by_part(overall, effect, sizes, log)
@@ -211,13 +207,13 @@ def _unknown_cause(conclusion: verdict.Conclusion) -> result.UnknownCause | None
     if conclusion.withdrawn:
         names = join_words([plain(name) for name in conclusion.withdrawn])
         words = f"{names}, but predictions on held-out legs are worse with it, so it is only suspected"
-        return result.UnknownCause(conclusion.left_open, (OPERATION,), words)
+        return result.UnknownCause(conclusion.left_open, (regression.OPERATION,), words)
     effects = [accepted.evidence.equations.model.catalogue[name] for name in accepted.names]
     cause = unknown_cause(conclusion.first.lack_of_fit, effects, conclusion.left_open)
     if cause is None:
         ratio = conclusion.gap.least_m / conclusion.gap.gap.floor_m
         words = f"predictions miss by {ratio:.2g} times what noise alone would make, in no form that was tested for"
-        return result.UnknownCause(conclusion.left_open, (OPERATION,), words)
+        return result.UnknownCause(conclusion.left_open, (regression.OPERATION,), words)
     return cause
 
 
@@ -231,23 +227,24 @@ def unknown_cause(
         families = " and ".join(dict.fromkeys(effect.family for effect in effects))
         several = f"{len(effects)} effects at once ({families})"
         words = f"{several}: more likely one similar effect that is not in the catalogue"
-        return result.UnknownCause(share_of_gap, (OPERATION,), words)
+        return result.UnknownCause(share_of_gap, (regression.OPERATION,), words)
 
     # without weaker signs that an effect has another form than it is named for
-    first = {lack.what: lack for lack in reversed(lacks) if lack.depends in INTERACTIONS}
-    lacks = [lack for lack in lacks if lack.depends not in INTERACTIONS or lack is first[lack.what]]
+    first = {lack.what: lack for lack in reversed(lacks) if lack.depends in regression.INTERACTIONS}
+    lacks = [lack for lack in lacks if lack.depends not in regression.INTERACTIONS or lack is first[lack.what]]
     parts = []
     for lack in lacks[:3]:
         varies = f"that varies with {DEPENDS[lack.depends]}" if lack.what != "force" else ""
         if not varies:
             share = f"{100.0 * lack.size:.2g} % of their range"
             parts.append(f"forces of speeds and thrusters that are wrong by some {share}")
-        elif lack.what in AXES:
+        elif lack.what in regression.AXES:
             kind = "moment" if lack.what == "yaw" else "force"
             parts.append(f"a {lack.what} {kind} of some {lack.size:.2g} {_UNIT[lack.what]} {varies}")
         else:
-            explanation = ": more likely a similar effect that is not in the catalogue"
-            parts.append(f"{plain(lack.what.split(',')[0])} {varies}{explanation * (lack.depends in INTERACTIONS)}")
+            is_unlike = lack.depends in regression.INTERACTIONS
+            explanation = ": more likely a similar effect that is not in the catalogue" if is_unlike else ""
+            parts.append(f"{plain(lack.what.split(',')[0])} {varies}{explanation}")
     where = tuple(dict.fromkeys(lack.depends for lack in lacks))
     return result.UnknownCause(share_of_gap, where, "; ".join(dict.fromkeys(parts)))
 
@@ -259,14 +256,14 @@ def remainder_of(conclusion: verdict.Conclusion) -> result.Remainder | None:
         return None
     shares = np.sqrt((remaining.force**2).mean(axis=0)) / accepted.evidence.equations.force_range
     axis = int(np.argmax(shares))
-    kind = "moment" if AXES[axis] == "yaw" else "force"
-    words = f"a {AXES[axis]} {kind} of {percent(float(shares[axis]))} of its range (root mean square)"
+    kind = "moment" if regression.AXES[axis] == "yaw" else "force"
+    words = f"a {regression.AXES[axis]} {kind} of {percent(float(shares[axis]))} of its range (root mean square)"
     surest = next(
         (place for place in notable_places(remaining.places) if place.channel == result.FORCES[axis]), None
     )
     if surest is not None:
         _, cell, _, size, _ = cell_row(surest)
-        words += f", most significant at {cell}: {size} {_UNIT[AXES[axis]]}"
+        words += f", most significant at {cell}: {size} {_UNIT[regression.AXES[axis]]}"
     where = tuple(dict.fromkeys(lack.depends for lack in accepted.lack_of_fit))
     return result.Remainder(float(shares[axis]), conclusion.left_open, where, words)
 
@@ -312,7 +309,7 @@ def contradictions(sensors: acceptance.Acceptance) -> tuple[result.SensorContrad
 
 def _no_wind(catalogue: Catalogue) -> str:
     """The remark on a trial in which the wind is nil: it was not recorded, or a calm was."""
-    if STEADY_WIND.name in catalogue:
+    if environment.STEADY_WIND.name in catalogue:
         return "no wind was recorded: only a steady wind was considered"
     return "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
 
@@ -369,8 +366,8 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
 def _measured_loads(conclusion: verdict.Conclusion) -> list[str]:
     """What meters on the shafts say of the model as it is and with what is named, a remark a meter."""
     equations, at = conclusion.first.evidence.equations, conclusion.accepted.coordinates
-    before = shaft_excess(equations.log, replace(equations.model, at={}))
-    after = shaft_excess(equations.log, replace(conclusion.accepted.evidence.equations.model, at=at))
+    before = witnesses.shaft_excess(equations.log, replace(equations.model, at={}))
+    after = witnesses.shaft_excess(equations.log, replace(conclusion.accepted.evidence.equations.model, at=at))
 
     def words(share: float) -> str:
         return f"{100.0 * abs(share):.0f} % {'more' if share > 0.0 else 'less'}"
@@ -617,8 +614,8 @@ def next_steps(diagnosis: result.Diagnosis, contradictions: Sequence[result.Sens
             "needed, and repeat the diagnosis, since the other effects may change."
         )
     steps += [
-        f"Declare {possible.declaration} ({option_of(possible.declaration)}) if that is certain: it rules out "
-        f"{join_words([plain(name) for name in possible.effects])}."
+        f"Declare {possible.declaration} ({context.option_of(possible.declaration)}) if that is certain: "
+        f"it rules out {join_words([plain(name) for name in possible.effects])}."
         for possible in diagnosis.context.would_exclude
     ]
     steps += _use_of_vessel(diagnosis)

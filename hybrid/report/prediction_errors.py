@@ -20,8 +20,7 @@ from seatrial.analysis.estimation.smoother import SmoothedMotion
 from seatrial.analysis.tables.table import NANO, index_of, trial_channels
 from seatrial.hybrid.effects import quantities_along, steering_angles
 from seatrial.hybrid.prediction import baselines, window_sets
-from seatrial.hybrid.vessel import dynamics, sensors
-from seatrial.hybrid.vessel.black_box import MotionModel
+from seatrial.hybrid.vessel import black_box, dynamics, sensors
 
 COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
 
@@ -181,7 +180,7 @@ class Cells:
     seconds: Floats
 
 
-def modelled_acceleration(plant: MotionModel, states: Floats, controls: Floats, wind: Floats) -> Floats:
+def modelled_acceleration(plant: black_box.MotionModel, states: Floats, controls: Floats, wind: Floats) -> Floats:
     """The rates of surge, sway [m/s2] and yaw rate [rad/s2] that the model has at states [T, 6]: [T, 3]."""
     later = dynamics.simulate_batch(plant, states, controls[:, None], wind[:, None], _STEP_S, 1, controls).states[
         :, 1
@@ -189,7 +188,7 @@ def modelled_acceleration(plant: MotionModel, states: Floats, controls: Floats, 
     return np.asarray((later[:, 3:] - states[:, 3:]) / _STEP_S)
 
 
-def acceleration_residuals(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: MotionModel) -> Residuals:
+def acceleration_residuals(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: black_box.MotionModel) -> Residuals:
     """The accelerations that ``plant`` lacks where a 1 Hz table and the smoothed motion are whole."""
     slow = motion.slow.reindex(one_hz.index)
     table = one_hz.assign(**{str(name): slow[name] for name in slow})

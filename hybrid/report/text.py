@@ -195,25 +195,22 @@ def _column_head(method: str) -> str:
 
 def validation_view(validation: Validation) -> RenderableType:
     """A row a method; below it a row a sensor, the errors by L/V, and a table a manoeuvre with its notes."""
-    from seatrial.hybrid.report.trial_form import (
-        INDEX_HEADER,
-        errors_after_lengths_table,
-        index_tables,
-        notes_on_index_tables,
-    )
+    from seatrial.hybrid.report import trial_form
 
     shown: list[RenderableType] = [validation_table(validation)]
     if validation.truths:
         shown.append(truths_table(validation.truths))
     if validation.by_length:
-        title, header, rows = errors_after_lengths_table(validation.by_length, validation.windows.horizon_s)
+        title, header, rows = trial_form.errors_after_lengths_table(
+            validation.by_length, validation.windows.horizon_s
+        )
         shown.append(terminal_table(title, header, rows, wrap=True))
     if validation.indices and (validation.indices.rows or validation.indices.left_out):
         shown += [
-            terminal_table(title, INDEX_HEADER, lines, title_style="bold")
-            for title, lines in index_tables(validation.indices)
+            terminal_table(title, trial_form.INDEX_HEADER, lines, title_style="bold")
+            for title, lines in trial_form.index_tables(validation.indices)
         ]
-        shown += [Text(note, style="dim") for note in notes_on_index_tables(validation.indices)]
+        shown += [Text(note, style="dim") for note in trial_form.notes_on_index_tables(validation.indices)]
     return Group(*shown)
 
 

@@ -19,13 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from seatrial.acquisition.config import declarations, run_sheet
-from seatrial.acquisition.core.errors import (
-    ConfigurationError,
-    DataShortageError,
-    InputError,
-    SeatrialError,
-    join_words,
-)
+from seatrial.acquisition.core import errors
 from seatrial.acquisition.core.ship import MOTION
 from seatrial.acquisition.core.trial import Trial
 from seatrial.acquisition.recording.reader import read_trial
@@ -83,7 +77,7 @@ SHOWN = ("reference", "hybrid")
 def ship_name(case: TrialCase) -> str:
     """The ships that the recordings name, as people call them."""
     titles = [title for name in case.products if (title := case.title_of(name))]
-    return join_words(list(dict.fromkeys(titles))) if titles else "an unnamed ship"
+    return errors.join_words(list(dict.fromkeys(titles))) if titles else "an unnamed ship"
 
 
 def unknown_ship_remark(case: TrialCase) -> str:
@@ -96,8 +90,8 @@ def unknown_ship_remark(case: TrialCase) -> str:
         to_do = "Please have it imported again with the ship's name."
         return f"The recording does not say which ship this is. {costs} {to_do}"
     return (
-        f"The main dimensions of {join_words(ships)} are not known, as there is no vessel file of that name. "
-        f"{costs} Please have the length between perpendiculars given for this report."
+        f"The main dimensions of {errors.join_words(ships)} are not known, as there is no vessel file of that "
+        f"name. {costs} Please have the length between perpendiculars given for this report."
     )
 
 
@@ -239,7 +233,9 @@ def uncounted_lines(case: TrialCase) -> list[str]:
     for run in case.runs:
         if run.manoeuvre.not_counted:
             tests[run.manoeuvre.not_counted].append(f"{run.number}")
-    return [f"test{'s' * (len(numbers) > 1)} {join_words(numbers)} ({why})" for why, numbers in tests.items()]
+    return [
+        f"test{'s' * (len(numbers) > 1)} {errors.join_words(numbers)} ({why})" for why, numbers in tests.items()
+    ]
 
 
 def left_out_lines(case: TrialCase) -> list[str]:
@@ -351,7 +347,9 @@ def quality_sentence(case: TrialCase) -> str:
     doubted = f"{len(doubtful)} of {len(case.products)} recordings have"
     if len(case.products) == 1:
         doubted = f"{len(_doubtful_channels(doubtful[0]))} of {len(doubtful[0].quality.channels)} channels have"
-    return f"{doubted} quality findings ({join_words(list(codes))}); see the appendix for findings and repairs."
+    return (
+        f"{doubted} quality findings ({errors.join_words(list(codes))}); see the appendix for findings and repairs."
+    )
 
 
 def _doubtful_channels(products: Products) -> list[str]:
@@ -429,9 +427,9 @@ def baseline_rows(case: TrialCase) -> tuple[list[list[str]], int]:
     judged = case.validation
     rows, best = score_rows(judged)
     against = [
-        f"{errors.mean_distance_m / scores[reference].mean_distance_m - 1.0:+.1%}".replace("-", "\u2212")
+        f"{score.mean_distance_m / scores[reference].mean_distance_m - 1.0:+.1%}".replace("-", "\u2212")
         for scores, reference in ((judged.scores, "reference"), (judged.two_sided, f"reference{TWO_SIDED}"))
-        for errors in scores.values()
+        for score in scores.values()
     ]
     return [[plain(name), *row, relative] for (name, *row), relative in zip(rows, against, strict=True)], best
 
@@ -450,7 +448,7 @@ def calibration_table(calibration: prediction_errors.Calibration) -> tuple[list[
 def quantities_outside_training(training: DomainOfApplicability, outside: NDArray[np.bool_]) -> str:
     """In what windows [N, quantities] are ``outside`` of what a calibrator was trained on; empty for nothing."""
     names = [quantity_title(name) for name, column in zip(training.names, outside.T, strict=True) if column.any()]
-    return f", in {join_words(names)}" if names else ""
+    return f", in {errors.join_words(names)}" if names else ""
 
 
 def parameter_rows(parameters: Sequence[adaptive.AdaptedParameter]) -> list[list[str]]:
@@ -519,14 +517,14 @@ class TrialCase:
                                   rebuild_positions=None if self.repair else False,
                                   statement=self.statement)  # fmt: skip
                 products = analyse_recording(parts, options, name)
-            except SeatrialError as error:
+            except errors.SeatrialError as error:
                 left_out[name] = str(error.at(""))
                 continue
             lacking = [channel for channel in MOTION if channel not in products.one_hz]
             filled = products.one_hz.assign(**dict.fromkeys(lacking, np.nan))
             analysed[name] = replace(products, one_hz=filled)
         if not analysed:
-            raise DataShortageError(
+            raise errors.DataShortageError(
                 "no recording can be read", why="; ".join(f"{name}: {why}" for name, why in left_out.items())
             )
         for names in _group_by_vessel(analysed).values():
@@ -564,7 +562,7 @@ class TrialCase:
             asked = locate_vessel(self.vessel) if self.vessel and not name else None
             file = asked or declarations.vessel_file_of_ship(name, recording.parent)
             return None if file is None else load_vessel(file)
-        except ConfigurationError:
+        except errors.ConfigurationError:
             return None
 
     @property
@@ -638,7 +636,7 @@ class TrialCase:
             return analysis.speed_power(
                 [table for _, table in recorded], correction_conditions(recorded, ship, stated), events
             )
-        except (DataShortageError, InputError):
+        except (errors.DataShortageError, errors.InputError):
             return None
 
     @cached_property
@@ -714,12 +712,12 @@ class TrialCase:
             if self.trained is None and self.vessel is None:
                 try:
                     is_of_ship = not self.predictor.choice.doubt
-                except InputError:
+                except errors.InputError:
                     is_of_ship = False
                 if not is_of_ship:
                     return "there is no model of the ship that the recordings name"
             _ = self.validation
-        except (ConfigurationError, DataShortageError, InputError) as error:
+        except (errors.ConfigurationError, errors.DataShortageError, errors.InputError) as error:
             return str(error.at(""))
         return ""
 

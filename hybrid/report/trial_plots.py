@@ -13,8 +13,7 @@ from matplotlib.lines import Line2D
 
 from seatrial.acquisition.core import quantities, ship
 from seatrial.analysis.report.plots import FAINT, INK, PALETTE, Drawing, channels_figure, label_points
-from seatrial.hybrid.calibrators import DomainOfApplicability
-from seatrial.hybrid.calibrators.adaptive import Parameters
+from seatrial.hybrid.calibrators import DomainOfApplicability, adaptive
 from seatrial.hybrid.prediction.baselines import distances
 from seatrial.hybrid.report import plots, prediction_errors
 from seatrial.hybrid.report.text import plain, quantity_title
@@ -224,7 +223,7 @@ def draw_region_calibration(figure: Figure, calibration: prediction_errors.Calib
     transform_axes.set(xlabel="probability integral transform (PIT) [1]", ylabel="positions [%]", xlim=(0, 1))
 
 
-def draw_learned_parameters(figure: Figure, learned: Parameters) -> None:
+def draw_learned_parameters(figure: Figure, learned: adaptive.Parameters) -> None:
     """The best known parameters as factors of the model's numbers, with 95 % intervals, 1 being no change; and how
     their estimates are correlated: 1 and -1 cannot be distinguished, 0 are independent."""
     bar_axes, axes = figure.subplots(1, 2, width_ratios=(1.0, 1.25))

@@ -25,8 +25,12 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.calibrators import adaptive
-from seatrial.hybrid.calibrators.adapted_parameters import parameter_names
-from seatrial.hybrid.calibrators.adaptive import Observations, observations_of_windows, run_observer
+from seatrial.hybrid.calibrators.adaptive import (
+    Observations,
+    observations_of_windows,
+    parameter_names,
+    run_observer,
+)
 from seatrial.hybrid.calibrators.network_training import Perceptron, Rows, StoppingRule, fit_network, make_network
 from seatrial.hybrid.calibrators.networks import PaperCalibrator
 from seatrial.hybrid.effects import apply_effects, vessel_plant

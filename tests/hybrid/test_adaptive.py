@@ -17,22 +17,20 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import DEFAULT
 from seatrial.analysis.tables.table import NANO
 from seatrial.hybrid.calibrators import TrainedCalibrator, make_calibrator, predict_with_fallback
-from seatrial.hybrid.calibrators.adapted_parameters import (
-    adapt_plant,
-    observer_gains,
-    parameter_names,
-    positive_coefficient_names,
-    signed_coefficient_names,
-)
 from seatrial.hybrid.calibrators.adaptive import (
     AdaptiveCalibrator,
     _assign_folds,
     _make_difference_function,
     _TrainingStatistics,
     _weighted_jacobian,
+    adapt_plant,
     fit_parameter_vector,
     observations_of_windows,
+    observer_gains,
+    parameter_names,
+    positive_coefficient_names,
     run_observer,
+    signed_coefficient_names,
     start_quantities,
     start_quantity_names,
 )

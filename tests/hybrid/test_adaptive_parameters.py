@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from seatrial.acquisition.core.ship import DEFAULT
-from seatrial.hybrid.calibrators.adapted_parameters import parameter_names
 from seatrial.hybrid.calibrators.adaptive import (
     AdaptiveCalibrator,
     Parameters,
+    parameter_names,
     parameters_of_calibrator,
     start_quantity_names,
 )

@@ -8,8 +8,7 @@ import pytest
 
 from seatrial.acquisition.core.ship import wrap_180
 from seatrial.analysis.quality.check import check_table
-from seatrial.analysis.quality.exchanged import check_exchanged_feedback
-from seatrial.analysis.quality.findings import Finding
+from seatrial.analysis.quality.findings import Finding, check_exchanged_feedback
 
 SECONDS = 400
 

@@ -25,8 +25,7 @@ from seatrial.analysis.manoeuvres.kinds import GATHERING_WAY
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import make_calibrator
-from seatrial.hybrid.calibrators.adapted_parameters import parameter_names
-from seatrial.hybrid.calibrators.adaptive import AdaptiveCalibrator
+from seatrial.hybrid.calibrators.adaptive import AdaptiveCalibrator, parameter_names
 from seatrial.hybrid.calibrators.predict import Predictor
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.evaluation.manoeuvre_indices import (

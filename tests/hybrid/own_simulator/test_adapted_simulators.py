@@ -10,18 +10,16 @@ import pytest
 
 import seatrial as st
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.calibrators.adapted_parameters import (
-    adapt_simulator,
-    form_of,
-    observer_gains,
-    parameter_names,
-    parameters_with_effect,
-)
 from seatrial.hybrid.calibrators.adaptive import (
     AdaptiveCalibrator,
+    adapt_simulator,
     fit_parameter_vector,
+    form_of,
     observations_of_windows,
+    observer_gains,
+    parameter_names,
     parameters_of_calibrator,
+    parameters_with_effect,
     run_observer,
     run_observers,
 )
