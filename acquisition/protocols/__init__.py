@@ -30,7 +30,11 @@ from typing import Any
 
 from seatrial.acquisition.config import declarations
 from seatrial.acquisition.config.sources import AnySource, CanFrames, CanSource, LineSource, MavlinkLinks, MqttLinks
-from seatrial.acquisition.core import named_code, trial
+from seatrial.acquisition.core import (
+    can_library,  # noqa: F401 - before all modules that import python-can
+    named_code,
+    trial,
+)
 from seatrial.acquisition.core.ship import BY_NAME, DEFAULT, Actuators, Channel, channels_with_declared
 
 BAD_DATA = "bad data"

@@ -33,10 +33,15 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from seatrial.acquisition.config.sources import AnySource, OwnSource
-from seatrial.acquisition.core import errors, named_code, process
+from seatrial.acquisition.core import (
+    can_library,  # noqa: F401 - before all modules that import python-can
+    errors,
+    named_code,
+    process,
+)
 from seatrial.acquisition.core.trial import NANO, SOFTWARE, Frame, wall_and_monotonic_ns
 
-# Imported when first used: a trial without CAN needs no python-can.
+# Imported when first used.
 _CLASSES = {
     "can": "seatrial.acquisition.sources.lines:CanBus",
     "can_file": "seatrial.acquisition.sources.log_file:LogFile",

@@ -31,9 +31,10 @@ from statistics import median_low
 from typing import Any, BinaryIO
 
 import can
-from can.io import MF4Reader, blf
+from can.io import blf
 
 from seatrial.acquisition.config.sources import FileSource
+from seatrial.acquisition.core import can_library
 from seatrial.acquisition.core.process import LOG_BYTES
 from seatrial.acquisition.core.times import DAY_NS, YEAR_LAST, Order, Stamp, infer_date_order
 from seatrial.acquisition.core.trial import (
@@ -362,7 +363,7 @@ def _read_with_python_can(kind: str, file: BinaryIO, reader: LineReader) -> Iter
     file.seek(0)
     try:
         if kind == "mf4":
-            measurement = MF4Reader(file)
+            measurement = can_library.with_asammdf().MF4Reader(file)
             reader.remark = _signals_remark(measurement._mdf.groups)
             reader.times.remark = "" if measurement._mdf.start_time.tzinfo else _OF_THIS_ZONE
             return _python_can_entries(measurement, file, size_bytes, reader, 0)
