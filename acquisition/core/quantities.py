@@ -12,14 +12,16 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import atan2, cos, degrees, hypot, pi, radians, sin, sqrt
-from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from pydantic_core import core_schema
 
 from seatrial.acquisition.core import errors
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 NAUTICAL_MILE_M = 1852.0
 KNOT_MPS = NAUTICAL_MILE_M / 3600.0

@@ -19,10 +19,9 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from errno import EACCES, EINVAL, ENODEV, ENOSYS, ENOTSUP, EPERM
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-import pandas as pd
 import zstandard
 from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
@@ -34,6 +33,9 @@ from seatrial.acquisition.core import errors, files, ship
 from seatrial.acquisition.core.trial import Quality, Sample, Trial, software_version
 from seatrial.acquisition.recording.messages import ENCODING, MessageSink, channel_metadata, message_kind_of_topic
 from seatrial.acquisition.recording.scan import MCAP_MAGIC, add_metadata_checksum
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _CHUNK_BYTES = 256 * 1024
 _LATEST_NS = 2**63 - 1
@@ -685,6 +687,8 @@ def _write_table_rows(
     qualities: Mapping[str, NDArray[np.uint8]],
     progress: errors.Progress,
 ) -> None:
+    import pandas as pd  # a recorder needs none: it starts half a second earlier
+
     index = pd.DatetimeIndex(table.index)
     times_ns = index.as_unit("ns").asi8.tolist()  # pandas 3 counts in microseconds by default
     names = [str(name) for name in table.columns]
