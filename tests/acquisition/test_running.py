@@ -160,8 +160,8 @@ def test_a_mark_that_cannot_be_of_that_moment_is_of_now(tmp_path: Path, apart_s:
     assert began_ns <= moment <= time.monotonic_ns()
 
 
-def test_the_end_of_a_recording_as_json(tmp_path: Path) -> None:
-    running = Process(tmp_path, "--json")
+def test_the_end_and_the_log_of_a_recording_as_json(tmp_path: Path) -> None:
+    running = Process(tmp_path, "--json", "--log", "json")
     wait_for(lambda: "recording to" in running.log())
     for _ in range(3):
         say(running.port)
@@ -171,6 +171,10 @@ def test_the_end_of_a_recording_as_json(tmp_path: Path) -> None:
     assert code == 0
     assert [Path(part) for part in found.pop("parts")] == list((tmp_path / "out").iterdir())
     assert found == {"frames": 3, "samples": 3, "dropped": 0, "channels": ["heading_deg"]}
+    lines = [json.loads(line) for line in running.log().splitlines()]  # from the first to the last
+    assert {"time", "level", "text"} <= set.intersection(*(set(line) for line in lines))
+    assert [line["text"] for line in lines][-1] == "recording stopped"
+    assert any(line["level"] == "warning" and "no source provides north_m" in line["text"] for line in lines)
 
 
 def catches(process: int, number: signal.Signals) -> bool:
@@ -183,9 +187,10 @@ def catches(process: int, number: signal.Signals) -> bool:
 @pytest.mark.parametrize(
     ("number", "after_s"),
     [
-        (signal.SIGINT, 0.0), (signal.SIGTERM, 0.2),
+        (signal.SIGINT, 0.0),
         *nightly(
-            (signal.SIGINT, 0.8), (signal.SIGTERM, 0.0), (signal.SIGINT, 0.2), (signal.SIGTERM, 0.8),
+            (signal.SIGTERM, 0.2), (signal.SIGINT, 0.8), (signal.SIGTERM, 0.0), (signal.SIGINT, 0.2),
+            (signal.SIGTERM, 0.8),
         ),
     ],
 )  # fmt: skip
@@ -229,19 +234,6 @@ def test_an_address_that_does_not_resolve_is_what_to_correct(tmp_path: Path, sec
     source = UdpPort(config) if isinstance(config, UdpSource) else TcpConnection(config)  # type: ignore[arg-type]
     with pytest.raises(SourceError, match=r"; correct `address`$"):
         source.open()
-
-
-def test_log_lines_are_json_from_the_first_to_the_last(tmp_path: Path) -> None:
-    running = Process(tmp_path, "--log", "json")
-    wait_for(lambda: "recording to" in running.log())
-    say(running.port)
-    wait_for(lambda: recorded_count(tmp_path / "out") == 1)
-    code, _ = running.end()
-    lines = [json.loads(line) for line in running.log().splitlines()]
-    assert code == 0
-    assert {"time", "level", "text"} <= set.intersection(*(set(line) for line in lines))
-    assert [line["text"] for line in lines][-1] == "recording stopped"
-    assert any(line["level"] == "warning" and "no source provides north_m" in line["text"] for line in lines)
 
 
 def test_a_log_that_nobody_reads_does_not_hold_up_the_recording() -> None:
