@@ -75,6 +75,19 @@ def hearing(mark: Mark, folder: Path) -> RequestServer:
     return RequestServer(mark, lambda: RecorderState("", "", "", False, 0, 0, 0), Predictions(Health({})), folder)
 
 
+def test_recorder_starts_without_the_libraries_of_tables() -> None:
+    """pandas, and asammdf with sympy and more, took more than half of the time of a start."""
+    script = (
+        "import sys\n"
+        "from seatrial.acquisition.logger import record\n"
+        "from seatrial.acquisition.sources import lines, log_file\n"
+        "from seatrial.acquisition.protocols import can_frames\n"
+        "print({'pandas', 'asammdf', 'sympy', 'openpyxl', 'numba'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert done.stdout == "set()\n"
+
+
 def test_marks_are_set_from_another_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the time at which the command was given, not when it arrived."""
     monkeypatch.setenv("SEATRIAL_RUNTIME", str(tmp_path / "run"))
