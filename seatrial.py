@@ -84,6 +84,13 @@ def _app() -> typer.Typer:
     return app
 
 
+@cache  # to build it takes 13 ms, and a process may run several commands
+def _command(app: typer.Typer) -> typer.core.TyperGroup:
+    import typer
+
+    return typer.main.get_group(app)
+
+
 def _say_version(wanted: bool) -> None:
     if wanted:
         import typer
@@ -166,7 +173,7 @@ def main() -> None:
             if sys.argv[1:2] in (["record"], ["watch"], ["conduct"])
             else process.interrupt_on_terminate()
         ):
-            _app()()
+            _command(_app())()
     except KeyboardInterrupt as stop:
         sys.exit(_TERMINATED if isinstance(stop, Termination) else _INTERRUPTED)
     except Exception as error:
