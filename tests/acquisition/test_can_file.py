@@ -20,6 +20,7 @@ from seatrial.acquisition.sources import make_source
 from seatrial.acquisition.sources.log_file import LogFile
 from seatrial.acquisition.sources.log_formats import LineReader
 from seatrial.acquisition.tables.topics import log_format, read_log, read_table_or_log
+from tests.conftest import nightly
 
 START_NS = 1_779_062_280_249_713_000
 MILLISECOND = 1_000_000
@@ -345,7 +346,7 @@ def test_frames_in_a_measurement_are_those_of_the_bus(tmp_path: Path) -> None:
         read_table_or_log(path)
 
 
-@pytest.mark.parametrize("count", [1, 12])
+@pytest.mark.parametrize("count", [12, *nightly(1)])
 def test_signals_beside_the_frames_of_a_measurement_are_said(tmp_path: Path, count: int) -> None:
     """How many and which; and the command that is named brings them."""
     from asammdf import MDF, Signal

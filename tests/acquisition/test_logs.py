@@ -976,7 +976,7 @@ def write_timed_json(path: Path, truth: Trip, form: str, zone: str) -> None:
     [
         ("%Y-%m-%dT%H:%M:%S.%f", "", {"zone": "Asia/Tokyo"}),
         ("%d/%m/%Y %H:%M:%S.%f", "date_order", {"zone": "Asia/Tokyo", "date_order": "day-first"}),
-        ("%m/%d/%Y %H:%M:%S.%f", "date_order", {"zone": "Asia/Tokyo", "date_order": "month-first"}),
+        *nightly(("%m/%d/%Y %H:%M:%S.%f", "date_order", {"zone": "Asia/Tokyo", "date_order": "month-first"})),
         ("%d %b %H:%M:%S.%f", "year", {"zone": "Asia/Tokyo", "year": "2026"}),
         ("%H:%M:%S.%f", "day", {"zone": "Asia/Tokyo", "day": "2026-05-04"}),
     ],
@@ -1174,7 +1174,7 @@ def test_broken_lines_of_json_are_left_out_if_they_are_few(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("name", ["ULog", "DataFlash"])
-@pytest.mark.parametrize("byte", [3, 5, 7])
+@pytest.mark.parametrize("byte", [3, 7, *nightly(5)])
 def test_broken_byte_of_a_time_costs_its_row_alone(name: str, byte: int, tmp_path: Path) -> None:
     """Of a time since the autopilot's start [us, 8 bytes]: it was hours, years or an age later."""
     truth = trip(start_ns=log_trip.START_NS // 10**6 * 10**6, resolution_ns=1000)
