@@ -26,7 +26,7 @@ from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from seatrial.acquisition.core import errors, named_code, process
+from seatrial.acquisition.core import can_library, errors, named_code, process
 
 if TYPE_CHECKING:
     import typer
@@ -79,6 +79,13 @@ def _app() -> typer.Typer:
         rich_help_panel=PREDICTIONS,
     )  # fmt: skip
     return app
+
+
+@cache  # to build it takes 13 ms, and a process may run several commands
+def _command(app: typer.Typer) -> typer.core.TyperGroup:
+    import typer
+
+    return typer.main.get_group(app)
 
 
 def _say_version(wanted: bool) -> None:
@@ -158,12 +165,14 @@ def main() -> None:
     """
     process.guard_standard_streams()
     try:
+        if sys.argv[1:2] == ["record"]:
+            can_library.import_without_asammdf()
         with (
             process.stop_on_signals()
             if sys.argv[1:2] in (["record"], ["watch"], ["conduct"])
             else process.interrupt_on_terminate()
         ):
-            _app()()
+            _command(_app())()
     except KeyboardInterrupt as stop:
         sys.exit(_TERMINATED if isinstance(stop, process.Termination) else _INTERRUPTED)
     except Exception as error:

@@ -42,6 +42,7 @@ ENCODING = "protobuf"
 """How messages are encoded, in MCAP's words."""
 ENCODING_BEFORE = "json"
 
+_PLAIN = (str, bytes, int, float)
 _NOT_STATED = float("nan")
 _NO_FIX = Fix()
 _DIAGONAL_KNOWN = 2
@@ -293,17 +294,26 @@ def message_class(title: str, descriptors: bytes) -> Any:
 
 def message_fields(message: Message) -> dict[str, Any]:
     """The fields of a message; optional ones and messages within only where they are set."""
-    fields = message.DESCRIPTOR.fields
-    names = [entry.name for entry in fields if not entry.has_presence or message.HasField(entry.name)]
-    return {name: _plain_value(getattr(message, name)) for name in names}
+    return {
+        name: _plain_value(getattr(message, name))
+        for name, has_presence in _names_and_presence(message.DESCRIPTOR)
+        if not has_presence or message.HasField(name)
+    }
+
+
+@lru_cache(maxsize=256)
+def _names_and_presence(descriptor: Any) -> list[tuple[str, bool]]:
+    return [(entry.name, entry.has_presence) for entry in descriptor.fields]
 
 
 def _plain_value(value: Any) -> Any:
+    if isinstance(value, _PLAIN):  # first, as most are
+        return value
     if isinstance(value, Message):
         return message_fields(value)
     if isinstance(value, Mapping):
         return dict(value)
-    return value if isinstance(value, str | bytes | int | float) else [_plain_value(item) for item in value]
+    return [_plain_value(item) for item in value]
 
 
 def _fill_descriptor(proto: Any, schema: Schema, full_name: str, comments: Any, path: list[int]) -> None:

@@ -800,8 +800,9 @@ def _hemisphere_word(cell: Any) -> str:
 
 def holds_hemispheres(column: pd.Series[Any], axis: Axis) -> bool:
     """Whether a column of text holds nothing but hemispheres of an axis, and at least one."""
-    letters = {word for cell in column.dropna().unique() if (word := _hemisphere_word(cell))}
-    return bool(letters) and letters <= {word for word in (*_SIGN_BY_WORD[axis], "o") if word.isalpha()}
+    hemispheres = {word for word in (*_SIGN_BY_WORD[axis], "o") if word.isalpha()}
+    words = filter(None, map(_hemisphere_word, column.dropna().unique()))  # of most columns the first is none
+    return next(words, "") in hemispheres and all(word in hemispheres for word in words)
 
 
 def infer_hemisphere_of_letter_o(words: Iterable[str], name: str) -> HemisphereOfO | None:

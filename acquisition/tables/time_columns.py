@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass as plain_dataclass
 from dataclasses import replace
 from typing import Annotated, Any, Literal
-from zoneinfo import ZoneInfo, available_timezones
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pandas as pd
@@ -626,7 +626,7 @@ def checked_zone(zone: str) -> str:
     >>> checked_zone("UTC+02:00"), checked_zone("CEST"), checked_zone("Europe/Oslo")
     ('UTC+02:00', 'CEST', 'Europe/Oslo')
     """
-    if zone == GPS or zone in available_timezones() or times.zone_offset_s(zone) is not None:
+    if zone == GPS or zone in times.zone_names() or times.zone_offset_s(zone) is not None:
         return zone
     why = "stands for several time zones" if times.is_ambiguous_zone(zone) else "is no time zone"
     raise ValueError(f"{why}; write UTC, an offset like +02:00, GPS, or a name like Europe/Oslo")
@@ -645,7 +645,7 @@ def local_times_to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
         )
         return local_ns - trial.NANO * ahead_s_of_rows, ""
     ahead_s = times.zone_offset_s(zone)
-    if ahead_s is not None and zone not in available_timezones():
+    if ahead_s is not None and zone not in times.zone_names():
         return local_ns - ahead_s * trial.NANO, ""
     summer, winter = (_local_to_utc_ns(local_ns, zone, fold) for fold in (0, 1))
     if np.array_equal(summer, winter):

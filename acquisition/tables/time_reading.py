@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
 from typing import Any
-from zoneinfo import available_timezones
 
 import numpy as np
 import pandas as pd
@@ -473,18 +472,20 @@ def ask_zone_of_changed_clock(draft: MappingDraft, time_ns: Ints) -> None:
 def _zone_column(draft: MappingDraft) -> tuple[str, tuple[str, ...]]:
     """The column that states the zones of the times, and these; empty if there is none."""
     for column in draft.raw.names:
+        if not _ZONE_HEAD.fullmatch(" ".join(split_into_words(column))):
+            continue
         zones = tuple(draft.filled_cells(column).astype("str").str.strip().unique())
         if draft.is_numeric(column):  # of hours, of minutes, or of both
             zones = tuple(f"the number {zone}" for zone in zones)
         elif not all(map(_is_zone, zones)):
             continue
-        if zones and _ZONE_HEAD.fullmatch(" ".join(split_into_words(column))):
+        if zones:
             return column, zones[:_MOST_NAMED]
     return "", ()
 
 
 def _is_zone(text: str) -> bool:
-    return text in available_timezones() or times.zone_offset_s(text) is not None
+    return text in times.zone_names() or times.zone_offset_s(text) is not None
 
 
 def _zone_in_name(name: str) -> str:
@@ -493,7 +494,7 @@ def _zone_in_name(name: str) -> str:
     if match := _OFFSET.search(name):
         return re.sub(r"\s", "", match[0])
     for zone in re.findall(r"[A-Z]\w+/[\w/]+", name):
-        if zone in available_timezones():
+        if zone in times.zone_names():
             return str(zone)
     if words & _UTC_WORDS:
         return "UTC"

@@ -9,10 +9,13 @@ import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from random import SystemRandom
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -149,13 +152,18 @@ def wait_for(condition: Callable[[], bool], every_s: float = 0.01) -> None:
         time.sleep(every_s)
 
 
-def recorded_count(folder: Path, channel: str = "heading_deg") -> int:
-    """The number of a channel's values in the files of a recorder that is still at work."""
-    count = 0
+def recorded_counts(folder: Path) -> Counter[str]:
+    """The number of each channel's values in the files of a recorder that is still at work."""
+    counts = Counter[str]()
     for path in folder.glob("*.mcap"):
-        with suppress(InputError, KeyError):  # there is nothing in it yet
-            count += read_recording(path).series[channel].value.size
-    return count
+        with suppress(InputError):  # there is nothing in it yet
+            counts.update({name: series.value.size for name, series in read_recording(path).series.items()})
+    return counts
+
+
+def recorded_count(folder: Path, channel: str = "heading_deg") -> int:
+    """As :func:`recorded_counts`, of one channel."""
+    return recorded_counts(folder)[channel]
 
 
 def open_sources(folder: Path) -> set[str]:
@@ -209,6 +217,17 @@ class SimulatedClock:
 @pytest.fixture
 def clock() -> SimulatedClock:
     return SimulatedClock()
+
+
+@pytest.fixture
+def read_in_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other programs' files are read in this process, without limits: another one takes a third of a second."""
+
+    def read(script: Path, reader: str, path: Path, kind: str = "table") -> Any:
+        module = import_module(f"seatrial.acquisition.tables.{script.stem}")
+        return module.READERS[reader](str(path.absolute()), module.CellBudget(10**9))
+
+    monkeypatch.setattr("seatrial.acquisition.core.process.read_in_child", read)
 
 
 @pytest.fixture

@@ -35,7 +35,7 @@ class Trip:
         return self.ns[topic], values
 
 
-def trip(count: int = 700, start_ns: int = START_NS, resolution_ns: int = 1) -> Trip:
+def trip(count: int = 300, start_ns: int = START_NS, resolution_ns: int = 1) -> Trip:
     """A ship that weaves, with surge, sway and rudder that change."""
 
     def state(ns: np.ndarray) -> dict[str, np.ndarray]:
@@ -276,7 +276,7 @@ def write_parquet_dataset(path: Path, truth: Trip) -> None:
     for topic, ns in truth.ns.items():
         times = pd.DatetimeIndex(ns.view("datetime64[ns]"), tz="UTC")
         frame = pd.DataFrame({"time": times, **with_units(truth, topic)})
-        for half, rows in (("1", slice(None, 300)), ("2", slice(300, None))):
+        for half, rows in (("1", slice(None, 100)), ("2", slice(100, None))):
             (path / topic / f"half={half}").mkdir(parents=True)
             frame[rows].to_parquet(path / topic / f"half={half}" / "part-0.parquet")
 

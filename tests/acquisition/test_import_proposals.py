@@ -241,6 +241,7 @@ def _degrees_minutes(angle: Floats) -> list[str]:
     return [f"{100 * degrees + minutes:.6f}" for degrees, minutes in zip(whole, 60 * (angle - whole), strict=True)]
 
 
+@pytest.mark.usefixtures("read_in_process")
 def test_simulink_saves_a_structure_with_time(tmp_path: Path) -> None:
     truth = Truth()
     t = np.arange(600.0)
@@ -639,8 +640,14 @@ def test_a_code_far_from_all_values_is_none_and_is_said(code: float, tmp_path: P
     assert found["propeller_rpm"].between(91.0, 99.0).sum() == found["propeller_rpm"].count()
 
 
-@pytest.mark.parametrize("form", ["{:.3f} {}", "{1}{0:.3f}", "{:.3f}° {}"])
-@pytest.mark.parametrize("sides", [("P", "S"), ("Bb", "Stb"), ("Port", "Stbd")])
+@pytest.mark.parametrize(
+    ("form", "sides"),
+    [
+        pytest.param(form, sides, marks=[] if place == number else [pytest.mark.slow])
+        for number, form in enumerate(["{:.3f} {}", "{1}{0:.3f}", "{:.3f}° {}"])
+        for place, sides in enumerate([("P", "S"), ("Bb", "Stb"), ("Port", "Stbd")])
+    ],
+)
 def test_sides_in_words_are_signs(form: str, sides: tuple[str, str], tmp_path: Path) -> None:
     """To port is negative, and this is said; the south alone is no side."""
     truth = Truth()

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import struct
-import subprocess
-import sys
 from math import degrees, isfinite
 from pathlib import Path
 
@@ -37,6 +34,7 @@ from seatrial.acquisition.tables.import_table import import_table
 from tests.acquisition.can_frames import can_frame, identifier_of, values
 from tests.acquisition.conftest import SINGLE_SCREW, TWIN_SCREW, actuator_text, config_text, write_ship_voyage
 from tests.acquisition.test_nmea0183 import line
+from tests.conftest import Command
 
 ROOT = Path(__file__).parents[2]
 TRIPLE_SCREW = tuple(Actuator(name, "propeller") for name in ("port", "centre", "starboard"))
@@ -250,11 +248,6 @@ def test_a_shaft_is_preferred_to_its_engine(tmp_path: Path) -> None:
     assert read_recording(path).series["main_rpm"].value.tolist() == [100.0, 101.0, 102.0]
 
 
-def seatrial(*arguments: str | Path) -> str:
-    command = [sys.executable, str(ROOT / "seatrial.py"), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
-
-
 @pytest.mark.shared
 def test_a_tanker_models_zigzag_goes_through_sentences(tmp_path: Path, shared_data: Path) -> None:
     """Esso Osaka's propeller and rudder as they were measured, through RPM and RSA and back."""
@@ -271,14 +264,14 @@ def test_a_tanker_models_zigzag_goes_through_sentences(tmp_path: Path, shared_da
         np.testing.assert_allclose(got[name].value, sent.series[name].value, atol=1e-3, err_msg=name)
 
 
-def test_emulate_and_record_a_single_screw_ship(tmp_path: Path) -> None:
+def test_emulate_and_record_a_single_screw_ship(tmp_path: Path, command: Command) -> None:
     """From the command line: her voyage becomes sentences in a file, and the recording of these is her voyage."""
     table = write_ship_voyage(tmp_path / "voyage.mcap", SINGLE_SCREW)
     section = 'type = "file"\npath = "bridge.log"\n'
     config_of(tmp_path, SINGLE_SCREW, section, *table.columns)
-    seatrial("emulate", tmp_path / "voyage.mcap", tmp_path / "ship.toml", "--speed", "200")
-    path = seatrial("record", tmp_path / "ship.toml", "-o", tmp_path / "out").strip()
-    told = json.loads(seatrial("info", path, "--json"))
+    assert command("emulate", tmp_path / "voyage.mcap", tmp_path / "ship.toml", "--speed", "200").code == 0
+    path = Path(command("record", tmp_path / "ship.toml", "-o", tmp_path / "out").out.strip())
+    told = command("info", path, "--json").json
     assert told["trial"]["actuators"] == "main:controllable_propeller, rudder:rudder, bow:tunnel"
     assert {name: each["count"] for name, each in told["channels"].items() if name in table} == {
         name: len(table) for name in table.columns

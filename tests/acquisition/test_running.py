@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,31 @@ class Process:
 def hearing(mark: Mark, folder: Path) -> RequestServer:
     """A recorder's ear for marks."""
     return RequestServer(mark, lambda: RecorderState("", "", "", False, 0, 0, 0), Predictions(Health({})), folder)
+
+
+def test_recorder_starts_without_the_libraries_of_tables(tmp_path: Path) -> None:
+    """pandas, and asammdf with sympy and more, took more than half of the time of a start; a
+    program of a user still has python-can with all that it reads."""
+    read = "can.io.mf4.asammdf is not None, {'pandas', 'asammdf', 'sympy', 'openpyxl', 'numba'} & set(sys.modules)"
+    recording = (
+        "import sys, seatrial\n"
+        f"sys.argv = ['seatrial', 'record', {str(tmp_path / 'none.toml')!r}]\n"
+        "try: seatrial.main()\n"
+        "except SystemExit: pass\n"
+        "from seatrial.acquisition.logger import record\n"
+        "from seatrial.acquisition.sources import lines, log_file\n"
+        "from seatrial.acquisition.protocols import can_frames\n"
+    )
+    own = "import sys\nfrom seatrial.acquisition.sources import lines, log_file\n"
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", f"{script}import can.io.mf4; print({read})"],
+            capture_output=True, text=True, cwd=ROOT, check=True,
+        ).stdout
+        for script in (recording, own)
+    ]  # fmt: skip
+    assert said[0] == "False set()\n"
+    assert said[1].startswith("True") or find_spec("asammdf") is None
 
 
 def test_marks_are_set_from_another_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,8 +186,8 @@ def test_a_mark_that_cannot_be_of_that_moment_is_of_now(tmp_path: Path, apart_s:
     assert began_ns <= moment <= time.monotonic_ns()
 
 
-def test_the_end_of_a_recording_as_json(tmp_path: Path) -> None:
-    running = Process(tmp_path, "--json")
+def test_the_end_and_the_log_of_a_recording_as_json(tmp_path: Path) -> None:
+    running = Process(tmp_path, "--json", "--log", "json")
     wait_for(lambda: "recording to" in running.log())
     for _ in range(3):
         say(running.port)
@@ -171,6 +197,10 @@ def test_the_end_of_a_recording_as_json(tmp_path: Path) -> None:
     assert code == 0
     assert [Path(part) for part in found.pop("parts")] == list((tmp_path / "out").iterdir())
     assert found == {"frames": 3, "samples": 3, "dropped": 0, "channels": ["heading_deg"]}
+    lines = [json.loads(line) for line in running.log().splitlines()]  # from the first to the last
+    assert {"time", "level", "text"} <= set.intersection(*(set(line) for line in lines))
+    assert [line["text"] for line in lines][-1] == "recording stopped"
+    assert any(line["level"] == "warning" and "no source provides north_m" in line["text"] for line in lines)
 
 
 def catches(process: int, number: signal.Signals) -> bool:
@@ -183,9 +213,10 @@ def catches(process: int, number: signal.Signals) -> bool:
 @pytest.mark.parametrize(
     ("number", "after_s"),
     [
-        (signal.SIGINT, 0.0), (signal.SIGTERM, 0.2),
+        (signal.SIGINT, 0.0),
         *nightly(
-            (signal.SIGINT, 0.8), (signal.SIGTERM, 0.0), (signal.SIGINT, 0.2), (signal.SIGTERM, 0.8),
+            (signal.SIGTERM, 0.2), (signal.SIGINT, 0.8), (signal.SIGTERM, 0.0), (signal.SIGINT, 0.2),
+            (signal.SIGTERM, 0.8),
         ),
     ],
 )  # fmt: skip
@@ -229,19 +260,6 @@ def test_an_address_that_does_not_resolve_is_what_to_correct(tmp_path: Path, sec
     source = UdpPort(config) if isinstance(config, UdpSource) else TcpConnection(config)  # type: ignore[arg-type]
     with pytest.raises(SourceError, match=r"; correct `address`$"):
         source.open()
-
-
-def test_log_lines_are_json_from_the_first_to_the_last(tmp_path: Path) -> None:
-    running = Process(tmp_path, "--log", "json")
-    wait_for(lambda: "recording to" in running.log())
-    say(running.port)
-    wait_for(lambda: recorded_count(tmp_path / "out") == 1)
-    code, _ = running.end()
-    lines = [json.loads(line) for line in running.log().splitlines()]
-    assert code == 0
-    assert {"time", "level", "text"} <= set.intersection(*(set(line) for line in lines))
-    assert [line["text"] for line in lines][-1] == "recording stopped"
-    assert any(line["level"] == "warning" and "no source provides north_m" in line["text"] for line in lines)
 
 
 def test_a_log_that_nobody_reads_does_not_hold_up_the_recording() -> None:

@@ -76,7 +76,7 @@ def test_a_header_that_is_repeated_costs_no_row(
         ["TOA5,ship,CR1000,3", "TIMESTAMP,Lat,Lon,Heading", "TS,deg,deg,deg", ",Smp,Smp,Smp"],
     ],
 )
-@pytest.mark.parametrize("suffix", ["csv", "xlsx"])
+@pytest.mark.parametrize("suffix", ["csv", *nightly("xlsx")])
 def test_headers_of_several_rows(tmp_path: Path, command: Command, head: list[str], suffix: str) -> None:
     lines = [line.split(",") for line in [*head, *rows()]]
     path = tmp_path / f"t.{suffix}"
@@ -211,7 +211,7 @@ RTKLIB_TIMES: dict[str, tuple[str, Callable[[int], str]]] = {
 
 
 @pytest.mark.parametrize("form", RTKLIB_TIMES)
-@pytest.mark.parametrize("separator", ["  ", ",", *nightly("\t")])
+@pytest.mark.parametrize("separator", ["  ", *nightly(",", "\t")])
 def test_solutions_of_rtklib_are_read_in_their_time(
     tmp_path: Path, command: Command, form: str, separator: str
 ) -> None:

@@ -232,6 +232,7 @@ def test_semicolons_with_decimal_commas_are_read(tmp_path: Path) -> None:
     assert table.iloc[0].tolist() == [1.5, -2.25]
 
 
+@pytest.mark.usefixtures("read_in_process")
 def test_parquet_with_a_time_index_and_mat_with_vectors_or_a_struct(tmp_path: Path) -> None:
     vectors = {"time": EPOCH_S + np.arange(5.0), **{name: np.arange(5.0) for name in NAMES}}
     plain = pd.DataFrame(vectors).drop(columns="time").set_index(pd.DatetimeIndex(TIMES))

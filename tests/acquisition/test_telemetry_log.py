@@ -24,6 +24,7 @@ from seatrial.acquisition.protocols.mavlink import Fault, PacketCutter, has_vali
 from seatrial.acquisition.sources import make_source
 from tests.acquisition.test_mavlink import UTC_US
 from tests.acquisition.test_mavlink_packets import broken, stream
+from tests.conftest import nightly
 
 PACKETS = stream(200, 7)
 TIMES_US = [UTC_US + 20_000 * number for number in range(len(PACKETS))]
@@ -307,15 +308,18 @@ def test_local_and_global_positions_of_the_autopilot_agree(real_log: Path, ours:
 
 
 @pytest.mark.shared
-def test_a_log_that_is_cut_off_anywhere_gives_what_was_before(log: Path, real_log: Path, ours: list[Frame]) -> None:
-    """300 places in the first 30 kB, where the bad data is; the packet that is cut is no packet."""
+@pytest.mark.parametrize("places", [75, *nightly(300)])
+def test_a_log_that_is_cut_off_anywhere_gives_what_was_before(
+    log: Path, real_log: Path, ours: list[Frame], places: int
+) -> None:
+    """At places in the first 25 kB, where the bad data is; the packet that is cut is no packet."""
     data = real_log.read_bytes()[:25_000]
     generator = random.Random(1)
     ends, end = [], 0
     for frame in ours:
         end += 8 + len(frame.payload)
         ends.append(end)
-    for _ in range(300):
+    for _ in range(places):
         cut = generator.randrange(len(data))
         log.write_bytes(data[:cut])
         whole = sum(each <= cut for each in ends)

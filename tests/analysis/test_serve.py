@@ -88,7 +88,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
     until_s = time.monotonic() + 4 * PATIENCE_S
     while not condition():
         assert time.monotonic() < until_s
-        time.sleep(0.05)
+        time.sleep(0.2)  # what is asked reads a folder
 
 
 @pytest.fixture

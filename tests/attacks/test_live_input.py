@@ -799,7 +799,7 @@ def test_a_broker_that_floods_costs_no_other_source_a_value(tmp_path: Path) -> N
 @pytest.mark.parametrize("protocol", mutations.FOLDERS)
 def test_mutated_captures_break_no_decoder(protocol: str, shared_data: Path) -> None:
     """Bits flipped, bytes cut out, doubled, swapped: nothing fails or is out of range, the rest is as before."""
-    counts = mutations.attack(protocol, 1_500, seed=1)
+    counts = mutations.attack(protocol, 600, seed=1)
     assert counts["values"] > 300
 
 

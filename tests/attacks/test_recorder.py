@@ -692,7 +692,9 @@ def test_a_folder_for_copies_that_fails_costs_the_recording_nothing(tmp_path: Pa
     "after_s",
     [1.0, *(pytest.param(0.1 * tenths, marks=pytest.mark.attack) for tenths in range(16))],
 )
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "SIGINT"])
+@pytest.mark.parametrize(
+    "number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.attack)], ids=["SIGTERM", "SIGINT"]
+)
 def test_a_signal_at_any_stage_of_the_start_leaves_nothing_half_done(
     tmp_path: Path, number: signal.Signals, after_s: float
 ) -> None:

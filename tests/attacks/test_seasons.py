@@ -111,7 +111,7 @@ STRANGE = {
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("sound") / "sound.mcap"
-    write_table(sailed(30), path, Trial(name="trial", vessel="gunnerus_short"))
+    write_table(sailed(10), path, Trial(name="trial", vessel="gunnerus_short"))
     return path
 
 
