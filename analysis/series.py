@@ -28,7 +28,7 @@ from seatrial.analysis.tables.table import NANO, TimedValues, seconds_of, times_
 ASSUMED = "assumed"
 """The source of a channel that a column map gave a value to."""
 HALF_WIDTH_S, USUAL_LENGTH_M = 10.0, 25.0
-_LEAST_SAMPLES = 5
+LEAST_SAMPLES = 5
 _SHORTEST_REPEAT, _NEIGHBOURS = 8, 100
 _JUMP = 3.0
 _CHANCE = 1e-4
@@ -232,7 +232,7 @@ def local_quadratic(values: Floats, half_width: float) -> Floats:
     normal = np.stack([np.stack([moments[i + j] for j in range(3)], axis=-1) for i in range(3)], axis=-2)
     right = np.stack(products, axis=-1)[..., None]
     fitted = values.copy()
-    enough = present & (samples_in_reach >= _LEAST_SAMPLES)
+    enough = present & (samples_in_reach >= LEAST_SAMPLES)
     fitted[enough] = np.linalg.solve(normal[enough], right[enough])[:, 0, 0] + centre
     return fitted
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import seatrial as st
+from tests.conftest import nightly
 
 ROOT = Path(__file__).parents[1]
 MODULES = sorted(
@@ -58,7 +59,11 @@ def calibrator(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return folder
 
 
-@pytest.mark.parametrize("name", st.__all__)
+LONG = ("identify", "load_diagnosis", "plan", "report")
+"""Whose examples take seconds; what they call is tried every day."""
+
+
+@pytest.mark.parametrize("name", [*(name for name in st.__all__ if name not in LONG), *nightly(*LONG)])
 def test_examples_of_a_public_function(
     name: str,
     recordings: Path,

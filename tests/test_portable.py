@@ -48,9 +48,14 @@ QUICK = (
     "manoeuvres trial.mcap -o manoeuvres",
     "smooth trial.mcap -o smooth.parquet",
     "validate trial.mcap",
-    "report trial.mcap --no-pdf",
+    "report trial.mcap --no-pdf --no-interactive",
 )
-LONG = ("train trial.mcap -o calibrator", "diagnose trial.mcap -o diagnosis", "batch . -o results --workers 1")
+LONG = (
+    "report trial.mcap --no-pdf",
+    "train trial.mcap -o calibrator",
+    "diagnose trial.mcap -o diagnosis",
+    "batch . -o results --workers 1",
+)
 
 
 def run(commands: tuple[str, ...], folder: Path) -> dict[str, int]:

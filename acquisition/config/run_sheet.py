@@ -14,12 +14,12 @@ from dataclasses import field, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args
 
-from pydantic import Field, TypeAdapter
+from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from seatrial.acquisition.config.declarations import STRICT, Finite
 from seatrial.acquisition.core.errors import escape_control_characters
-from seatrial.acquisition.core.files import parse_toml, read_text, validate_toml
+from seatrial.acquisition.core.files import parse_toml, read_text, type_adapter, validate_toml
 from seatrial.acquisition.core.trial import Trial
 
 LOG = logging.getLogger("seatrial")
@@ -283,12 +283,12 @@ class Statement:
 
     def as_text(self) -> str:
         """The statement as JSON, of which :func:`statement_from_text` is the inverse."""
-        return str(TypeAdapter(Statement).dump_json(self, exclude_defaults=True).decode())
+        return str(type_adapter(Statement).dump_json(self, exclude_defaults=True).decode())
 
 
 def statement_from_text(text: str) -> Statement:
     """The statement in a text; nothing is stated in an empty one. Raises ValueError."""
-    return TypeAdapter(Statement).validate_json(text) if text else Statement()
+    return type_adapter(Statement).validate_json(text) if text else Statement()
 
 
 def load_statement(path: Path | str) -> Statement:
@@ -343,7 +343,7 @@ def _parse_or_warn(kind: type[Content], text: str, trial: Trial) -> Content | No
     if not text:
         return None
     try:
-        return TypeAdapter(kind).validate_json(text)
+        return type_adapter(kind).validate_json(text)
     except ValueError:
         LOG.warning(
             "%s: its metadata %s cannot be read and are left out",

@@ -32,9 +32,12 @@ from importlib import import_module
 from io import BufferedReader
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from seatrial.acquisition.core import errors, process, stores
+
+if TYPE_CHECKING:
+    import pydantic
 
 _IRREGULAR = {
     stat.S_ISFIFO: "a named pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device",
@@ -562,6 +565,7 @@ def _remove_empty_folders(folders: list[Path]) -> None:
 
 
 Model = TypeVar("Model")
+_TYPE_ADAPTERS = dict[Any, Any]()
 _TABLE = re.compile(r"^\s*\[(?P<array>\[)?\s*(?P<path>[^\[\]]+?)\s*\]")
 _MOST_LEVELS = 16  # nested tables and lists; a configuration has at most six
 _UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
@@ -637,6 +641,16 @@ def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
     raise errors.ConfigurationError(f"has tables or lists in more than {_MOST_LEVELS} levels", where=where, fix=fix)
 
 
+def type_adapter(kind: type[Model]) -> pydantic.TypeAdapter[Model]:
+    """How values of a type are read and written: to build that takes far longer than to use it."""
+    import pydantic
+
+    if kind not in _TYPE_ADAPTERS:
+        _TYPE_ADAPTERS[kind] = pydantic.TypeAdapter(kind)
+    adapter: pydantic.TypeAdapter[Model] = _TYPE_ADAPTERS[kind]
+    return adapter
+
+
 def validate_toml(
     raw: dict[str, Any], text: str, path: Path | str, model: type[Model], context: dict[str, Any] | None = None
 ) -> Model:
@@ -644,7 +658,7 @@ def validate_toml(
     import pydantic
 
     try:
-        return pydantic.TypeAdapter(model).validate_python(raw, context=context)
+        return type_adapter(model).validate_python(raw, context=context)
     except pydantic.ValidationError as error:
         details = min(error.errors(), key=lambda details: details["type"] not in _UNKNOWN_KEY)
         kind, location = details["type"], details["loc"]
@@ -696,9 +710,7 @@ def toml_key_text(keys: Sequence[str | int], raw: Any) -> str:
 
 def _suggestion_for_unknown_key(key: str, location: Sequence[str | int], model: type[Model]) -> str:
     """What a user may have meant by an unknown key: one that its table has, or the table that it belongs to."""
-    import pydantic
-
-    schema = pydantic.TypeAdapter(model).json_schema()
+    schema = type_adapter(model).json_schema()
     definitions = schema.get("$defs", {})
     tables = [schema]
     for part in location[:-1]:  # the tag of a union leads nowhere in the schema

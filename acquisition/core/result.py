@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 import numpy as np
 from pydantic_core import core_schema
 
-from seatrial.acquisition.core import errors, named_code
+from seatrial.acquisition.core import errors, files, named_code
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -182,14 +182,13 @@ Number = Annotated[float, _NullAsNaN()]
 
 def to_json(result: Any) -> Any:
     """A dataclass, or lists and dicts of them, as plain values for JSON: NaN and infinities become None."""
-    import pydantic
 
     def plain_value(value: Any) -> Any:
         if isinstance(value, np.generic | np.ndarray):
             return value.tolist()
         raise TypeError(f"{type(value).__name__} cannot be written as JSON")
 
-    return json.loads(pydantic.TypeAdapter[Any](type(result)).dump_json(result, fallback=plain_value))
+    return json.loads(files.type_adapter(type(result)).dump_json(result, fallback=plain_value))
 
 
 def from_json(result_class: type[Decoded], content: Any) -> Decoded:
@@ -197,7 +196,7 @@ def from_json(result_class: type[Decoded], content: Any) -> Decoded:
     import pydantic
 
     try:
-        return pydantic.TypeAdapter(result_class).validate_python(content)
+        return files.type_adapter(result_class).validate_python(content)
     except pydantic.ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))

@@ -12,11 +12,13 @@ manoeuvres` (MSC/Circ.1053), which judge the last ten seconds.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from cmath import phase
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import atan2, copysign, cos, degrees, hypot, inf, isfinite, nan, radians, sin, sqrt
+from operator import attrgetter
 from statistics import fmean
 from typing import Any, Literal, NamedTuple
 
@@ -48,6 +50,7 @@ _MOVED_SHARE, _MOVED_DEG, _MOVED_LENGTHS, _MOVED_S = 0.25, 3.0, 0.2, 2.0  # of t
 _UNMEASURED_S = 3.0  # of the helm, in which a reversal has no moment of its own
 _REACHED_SHARE, _FEWEST_SWINGS = 0.85, 3
 _LEAST_HEADINGS = 0.9  # of a run, as of what is found ashore
+_TIME = attrgetter("time_ns")
 DECISIVE = ("the helm was moved",)
 """The first words of faults that make a run invalid, whatever is found of it."""
 _SHALLOW = "the water was less than {:g} m deep: {:.1f} m"
@@ -358,24 +361,27 @@ def _with_instant(state: RunState, instant: Instant, programme: TrialProgramme) 
         elif isfinite(expected):
             instant, unmeasured_ns = replace(instant, heading_deg=expected), state.unmeasured_ns or instant.time_ns
     kept_s = max(2.0 * programme.steady_s, 3.0 * programme.length_s, _WIND_S) + _BASE_S
-    oldest_ns = instant.time_ns - round(kept_s * NANO)
-    recent = (*(entry for entry in state.recent if entry.time_ns >= oldest_ns), instant)
+    recent = (*_instants_since(state, instant.time_ns - round(kept_s * NANO)), instant)
     return replace(state, recent=recent, unmeasured_ns=unmeasured_ns)
 
 
-def _recent_instants(state: RunState, seconds: float) -> list[Instant]:
+def _instants_since(state: RunState, time_ns: int) -> tuple[Instant, ...]:
+    """The recent instants from a time on; they are in order of time."""
+    return state.recent[bisect_left(state.recent, time_ns, key=_TIME) :]
+
+
+def _recent_instants(state: RunState, seconds: float) -> tuple[Instant, ...]:
     """The instants of the last seconds."""
-    newest = state.recent[-1].time_ns
-    return [entry for entry in state.recent if entry.time_ns >= newest - round(seconds * NANO)]
+    return _instants_since(state, state.recent[-1].time_ns - round(seconds * NANO))
 
 
-def _of_this_run(state: RunState) -> list[Instant]:
+def _of_this_run(state: RunState) -> tuple[Instant, ...]:
     """The recent instants since the run before was over, or was aborted."""
-    return [entry for entry in state.recent if entry.time_ns >= state.earliest_ns]
+    return _instants_since(state, state.earliest_ns)
 
 
 def _column(instants: Iterable[Instant], name: str) -> Floats:
-    return np.array([getattr(entry, name) for entry in instants], dtype=float)
+    return np.fromiter(map(attrgetter(name), instants), dtype=float)
 
 
 def steadiness_of(recent: Sequence[Instant], run: PlannedRun, programme: TrialProgramme) -> Steadiness:

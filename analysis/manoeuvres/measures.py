@@ -24,7 +24,7 @@ from seatrial.acquisition.core.quantities import Floats, rotate_earth_to_ship
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, wrap_360
 from seatrial.analysis.manoeuvres import motion as motions
 from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_from_value, unit_in_name
-from seatrial.analysis.series import local_quadratic
+from seatrial.analysis.series import LEAST_SAMPLES, local_quadratic
 
 APPROACH_S = 10.0
 
@@ -311,7 +311,7 @@ def smooth_motion(motion: motions.Motion, half_width: float) -> motions.Motion:
     reach, columns = int(np.ceil(rows)), dict[str, Any]()
     for name in POSE_AND_VELOCITY:
         values = getattr(motion, name)
-        if reach < 6 or values.size < 4 * reach:
+        if reach < _FEWEST_ROWS or values.size < 4 * reach:
             columns[name] = local_quadratic(values, rows)
             continue
         start, kernel = _local_fit_weights(rows)
@@ -319,6 +319,8 @@ def smooth_motion(motion: motions.Motion, half_width: float) -> motions.Motion:
         smooth[reach:-reach] = np.convolve(values, kernel, mode="valid")
         smooth[:reach] = start @ values[: 2 * reach]
         smooth[-reach:] = (start @ values[: -2 * reach - 1 : -1])[::-1]
+        few = max(LEAST_SAMPLES - reach, 0)  # rows at the ends that have less samples nearby
+        smooth[:few], smooth[values.size - few :] = values[:few], values[values.size - few :]
     return replace(motion, **columns)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import cos, radians, sin
 
 import numpy as np
 import pandas as pd
@@ -45,20 +46,20 @@ Orders = Callable[[float, float, float], tuple[float, float]]
 
 def sail(ship: Ship, orders: Orders, duration_s: float, rate_hz: float = 5.0, seed: int = 0) -> pd.DataFrame:
     """A table of the channels of a ship that carries out ``orders``; the wind is calm."""
-    step_s = 1.0 / rate_hz
+    step_s, most = 1.0 / rate_hz, ship.rudder_dps / rate_hz
     rows = np.empty((round(duration_s * rate_hz), 6))
     helm, speed, rate, heading, north, east = 0.0, ship.mps_per_rpm * orders(0.0, 0.0, 0.0)[1], 0.0, 0.0, 0.0, 0.0
     for row, _ in enumerate(rows):
         wanted, rpm = orders(row * step_s, heading, helm)
         rows[row] = north, east, heading, speed, rate, helm
-        sway = -ship.sway_m * np.deg2rad(rate)
-        angle = np.deg2rad(heading + 0.5 * rate * step_s)
-        north += step_s * (speed * np.cos(angle) - sway * np.sin(angle))
-        east += step_s * (speed * np.sin(angle) + sway * np.cos(angle))
+        sway = -ship.sway_m * radians(rate)
+        angle = radians(heading + 0.5 * rate * step_s)
+        north += step_s * (speed * cos(angle) - sway * sin(angle))
+        east += step_s * (speed * sin(angle) + sway * cos(angle))
         heading += step_s * rate
         rate += step_s * (ship.gain_per_s * helm - rate) / ship.time_s
         speed += step_s * (ship.mps_per_rpm * rpm - speed) / ship.speed_time_s
-        helm += float(np.clip(wanted - helm, -ship.rudder_dps * step_s, ship.rudder_dps * step_s))
+        helm += max(-most, min(most, wanted - helm))
     shaft = np.array([orders(row * step_s, 0.0, 0.0)[1] for row in range(len(rows))])
     return _table(ship, rows, shaft, step_s, np.random.default_rng(seed))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import nullcontext
+from importlib import import_module
 from math import sqrt
 
 import pytest
@@ -14,8 +15,12 @@ from seatrial.analysis.batch import map_calls
 
 @pytest.fixture(scope="module", autouse=True)
 def one_cluster() -> Iterator[None]:
-    """The worker processes of all tests here: starting them takes longer than all that they do."""
-    with module._dask_client(2, None) as client, pytest.MonkeyPatch.context() as patch:
+    """The workers of all tests here, threads of this process: to start processes takes longer than all that they
+    do, and a batch is tried on those."""
+    distributed = import_module("distributed")
+    cluster = distributed.LocalCluster(2, threads_per_worker=1, processes=False, dashboard_address=None)
+    client = distributed.Client(cluster, set_as_default=False)
+    with cluster, client, pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "_dask_client", lambda workers, scheduler: nullcontext(client))
         yield
 

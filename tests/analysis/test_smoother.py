@@ -16,6 +16,7 @@ from seatrial.analysis.estimation.smoother import SmoothedMotion, smooth
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.smoothing_errors import coverage, nees, with_accelerations
 from tests.benchmarks import wave_trials
+from tests.conftest import nightly
 
 FINE_HZ = 40.0
 CASES = [
@@ -84,7 +85,7 @@ def test_the_noise_is_found_that_was_put_in(case: tuple[str, str, str, float, fl
     assert np.rad2deg(levels.yaw_rate_radps) == pytest.approx(put_in.yaw_rate_dps, rel=0.2)
 
 
-@pytest.mark.parametrize("sea", ["calm", "moderate"])
+@pytest.mark.parametrize("sea", ["moderate", *nightly("calm")])
 def test_a_boat_that_weaves_makes_no_waves(sea: str) -> None:
     """Over ground the velocity of a catamaran of 2 m that turns to and fro swings as in waves, by 0.4 m/s at 0.7
     rad/s; along and across the boat it does not."""
@@ -113,14 +114,14 @@ def zigzags_between_straight_legs(seed: int) -> pd.DataFrame:
     return pd.DataFrame(columns, index=index).iloc[::5]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, *nightly(2)])
 def test_zigzags_between_straight_legs_are_no_waves(seed: int) -> None:
     """Waves swing all the time. The sway of R/V Gunnerus' zigzags of 2022 was taken for waves of 0.13 m/s, and
     predictions started with as much less."""
     assert smooth(zigzags_between_straight_legs(seed), 1.0).noise.wave_speed == 0.0
 
 
-@pytest.mark.parametrize("seed", [0, 2])
+@pytest.mark.parametrize("seed", [2, *nightly(0)])
 def test_a_ship_that_keeps_station_in_a_calm_makes_no_waves(seed: int) -> None:
     """She wanders within half a minute and more; beyond the longest waves of the sea nothing is waves."""
     generator = np.random.default_rng((seed, 7))

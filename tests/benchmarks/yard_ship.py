@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import atan2, cos, hypot, inf, isfinite, pi, sin, sqrt
+from math import atan2, cos, exp, hypot, inf, isfinite, pi, sin, sqrt
 
 import numpy as np
 
@@ -146,7 +146,7 @@ class YardShip:
             beta = atan2(-v, u) if u > 0.05 else 0.0
             beta_P = beta + 0.48 * rn
             C2 = 1.6 if beta_P > 0 else 1.1
-            wake = 1.0 - min((1.0 - 0.35) * (1.0 + (1.0 - np.exp(-2.0 * abs(beta_P))) * (C2 - 1.0)), 1.0)
+            wake = 1.0 - min((1.0 - 0.35) * (1.0 + (1.0 - exp(-2.0 * abs(beta_P))) * (C2 - 1.0)), 1.0)
             u_P = (1.0 - wake) * max(u, 0.0)
             thrust = self._thrust(n, u_P)
             J = u_P / (n * diameter) if n > 1e-6 else inf
@@ -183,7 +183,7 @@ class YardShip:
 def held_course(course_deg: float, heading_deg: float, rate_dps: float, length_per_speed_s: float) -> float:
     """The helm [deg] of a steady hand on a course: proportional and derivative, in whole degrees."""
     wanted = -1.0 * (heading_deg - course_deg) - 0.7 * length_per_speed_s * rate_dps
-    return float(np.clip(round(wanted), -10.0, 10.0))
+    return max(-10.0, min(10.0, float(round(wanted))))
 
 
 def drawn_hull(random: np.random.Generator, share: float = 0.12) -> dict[str, float]:

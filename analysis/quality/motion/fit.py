@@ -52,7 +52,7 @@ from scipy.linalg import block_diag
 from scipy.special import chdtri, stdtrit
 
 from seatrial.acquisition.core.errors import DataShortageError
-from seatrial.acquisition.core.quantities import Bools, Floats, Ints
+from seatrial.acquisition.core.quantities import Bools, Floats, Ints, to_earth
 from seatrial.analysis.quality.motion import model as motion_model
 from seatrial.analysis.series import jackknife_error, runs_of_equal
 
@@ -519,28 +519,34 @@ def _normal_equations_of_true_motion(
     ones, band by band, it does not (regression calibration: R. J. Carroll et al., Measurement Error in Nonlinear
     Models, 2006, chapter 4). What the noise of residuals and slopes has in common is subtracted.
     """
-    true, noisy = np.empty_like(slopes), np.empty_like(slopes)
     bands = _frequency_band_starts(slopes.shape[-1])
-    for begin, end in zip(bands, [*bands[1:], slopes.shape[-1]], strict=True):
-        part, noise_part, weight = (values[..., begin:end] for values in (slopes, noise[1], weights))
-        # The matrix that turns slopes into what is expected of the true ones; directions that are mostly noise are
-        # left out: what remains of them is chance.
-        lower = np.linalg.cholesky(_information_matrix(part, weight) + precision)
-        root = np.linalg.inv(lower)
-        noise_share = root @ _information_matrix(noise_part, weight) @ root.T
-        reliability, directions = np.linalg.eigh(np.eye(len(precision)) - noise_share)
-        reliability = np.where(reliability > _LEAST_RELIABILITY, reliability, 0.0)
-        matrix = lower @ (directions * reliability) @ directions.T @ root
-        for expected, band in ((true, part), (noisy, noise_part)):
-            expected[..., begin:end] = (matrix @ band.reshape(*band.shape[:2], -1)).reshape(band.shape)
+    # The matrices of the bands that turn slopes into what is expected of the true ones; directions that are mostly
+    # noise are left out: what remains of them is chance.
+    lower = np.linalg.cholesky(_information_by_band(slopes, weights, bands) + precision)
+    root = np.linalg.inv(lower)
+    noise_share = root @ _information_by_band(noise[1], weights, bands) @ root.swapaxes(1, 2)
+    reliability, directions = np.linalg.eigh(np.eye(len(precision)) - noise_share)
+    reliability = np.where(reliability > _LEAST_RELIABILITY, reliability, 0.0)
+    expecting = lower @ (directions * reliability[:, np.newaxis]) @ directions.swapaxes(1, 2) @ root
+    by_frequency = np.repeat(expecting, np.diff(np.append(bands, slopes.shape[-1])), axis=0)
+    blocks, parameters, components, count = slopes.shape
+    true, noisy = (
+        (by_frequency @ _by_frequency(part)).reshape(count, parameters, blocks, components).transpose(2, 1, 3, 0)
+        for part in (slopes, noise[1])
+    )
     matrices, sides = _normal_equations_by_block(residuals, true, weights)
     return true, matrices, sides - _normal_equations_by_block(noise[0], noisy, weights)[1]
 
 
-def _information_matrix(slopes: Floats, weights: Floats) -> Floats:
-    """Weighted products of slopes [blocks, p, c, k], summed: [p, p]."""
-    flat = (slopes * np.sqrt(weights)[:, np.newaxis]).swapaxes(0, 1).reshape(slopes.shape[1], -1)
-    return np.asarray(flat @ flat.T)
+def _by_frequency(slopes: Floats) -> Floats:
+    """Slopes [blocks, p, c, k] as matrices of each frequency [k, p, blocks c]."""
+    return slopes.transpose(3, 1, 0, 2).reshape(slopes.shape[3], slopes.shape[1], -1)
+
+
+def _information_by_band(slopes: Floats, weights: Floats, bands: Ints) -> Floats:
+    """Weighted products of slopes [blocks, p, c, k], summed over each band: [bands, p, p]."""
+    weighted = _by_frequency(slopes * np.sqrt(weights)[:, np.newaxis])
+    return np.asarray(np.add.reduceat(weighted @ weighted.swapaxes(1, 2), bands, axis=0))
 
 
 def _normal_equations_by_block(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats, Floats]:
@@ -663,9 +669,7 @@ def _predicted_steps(
         error, moves = (measured - moves[:, 0]) * forward[:, np.newaxis], moves * forward[:, np.newaxis, np.newaxis]
         return _Steps(error, moves[:, 1:], np.abs(moves[:, 0, 0]), np.where(forward < 0.0, np.pi, 0.0))
     angle = np.arctan2(moves[:, 0, 1], moves[:, 0, 0])
-    body = np.stack(
-        [motion_model.rotate_to_earth(-angle, moves[:, column]) for column in range(moves.shape[1])], axis=1
-    )
+    body = np.stack(to_earth(moves[..., 0], moves[..., 1], -angle[:, np.newaxis]), axis=-1)
     return _Steps(
         motion_model.rotate_to_earth(-angle, measured) - body[:, 0], body[:, 1:], np.hypot(*moves[:, 0].T), angle
     )

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,10 +26,11 @@ from seatrial.analysis.conduct.outlook import (
     stored_table_of_span,
     table_of_span,
 )
-from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, programme_from_template
+from seatrial.analysis.conduct.programme import TrialProgramme, programme_from_template
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.conducted import JudgedSpan, conducted_runs
 from seatrial.analysis.manoeuvres.indices import Index
+from tests.analysis.conduct.outlooks import killed, made, refused
 
 PROGRAMME = programme_from_template("imo", 200.0, 7.7, wind_from_deg=0.0)
 PLACES = {run.sided_name: place for place, run in enumerate(PROGRAMME.run)}
@@ -149,20 +148,8 @@ def test_what_is_not_known_of_a_run_is_null_in_json() -> None:
     assert (unknown["gain"], unknown["left"], unknown["predicted"]) == (None, None, {})
 
 
-def _made(recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]) -> Outlook:
-    return Outlook({place: RunOutlook() for place in remaining}, len(recorded), 1, 2)
-
-
-def _refused(recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]) -> Outlook:
-    raise DataShortageError("only 3 segments have motion")
-
-
-def _killed(recorded: Sequence[RecordedRun], remaining: Mapping[int, PlannedRun]) -> Outlook:
-    os._exit(9)
-
-
 @pytest.mark.parametrize(
-    ("maker", "words"), [(_made, ""), (_refused, "too little has been sailed yet"), (_killed, "has ended")]
+    ("maker", "words"), [(made, ""), (refused, "too little has been sailed yet"), (killed, "has ended")]
 )
 def test_a_process_that_fails_or_dies_is_a_reason_and_nothing_else(maker: OutlookMaker, words: str) -> None:
     run = RecordedRun(PROGRAMME.run[0], pd.DataFrame({"surge_mps": [1.0]}), valid=True)
@@ -170,11 +157,11 @@ def test_a_process_that_fails_or_dies_is_a_reason_and_nothing_else(maker: Outloo
     assert process.result() is None
     for _ in range(2):  # one after the other
         process.begin([run], {CIRCLE: PROGRAMME.run[CIRCLE]})
-        while (made := process.result()) is None:
+        while (result := process.result()) is None:
             time.sleep(0.05)
-        if isinstance(made, Outlook):
-            assert (made.sailed, list(made.runs)) == (1, [CIRCLE])
-        assert words in (made if isinstance(made, str) else "")
+        if isinstance(result, Outlook):
+            assert (result.sailed, list(result.runs)) == (1, [CIRCLE])
+        assert words in (result if isinstance(result, str) else "")
     process.begin([], {})
     process.close()
     assert not process.is_working

@@ -7,9 +7,11 @@ length by speed, and are no model of any real one. The rudder's angle wanders as
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import cos, radians, sin
 
 import numpy as np
 import pandas as pd
+from scipy.signal import lfilter
 
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuator, Actuators, actuators_as_text
@@ -97,14 +99,15 @@ def _sailed(craft: Craft, helm, done, orders_s: list[float], seed: int, settled:
         rate = gain * delta
     while not done(now, heading) and now < 3000.0:
         wanted = helm(now, heading)
-        sway = -0.3 * craft.length_m * np.deg2rad(rate)
+        sway = -0.3 * craft.length_m * radians(rate)
         rows.append((now, north, east, heading, craft.speed_mps, sway, rate, delta))
-        angle = np.deg2rad(heading)
-        north += STEP_S * (craft.speed_mps * np.cos(angle) - sway * np.sin(angle))
-        east += STEP_S * (craft.speed_mps * np.sin(angle) + sway * np.cos(angle))
+        angle = radians(heading)
+        north += STEP_S * (craft.speed_mps * cos(angle) - sway * sin(angle))
+        east += STEP_S * (craft.speed_mps * sin(angle) + sway * cos(angle))
         heading += STEP_S * rate
         rate += STEP_S * (gain * delta - rate) / time_s
-        delta += float(np.clip(wanted - delta, -craft.helm_rate_dps * STEP_S, craft.helm_rate_dps * STEP_S))
+        most = craft.helm_rate_dps * STEP_S
+        delta += max(-most, min(most, wanted - delta))
         now += STEP_S
     return Sailed(_table(craft, np.array(rows), seed), tuple(orders_s), now)
 
@@ -132,10 +135,8 @@ def _table(craft: Craft, rows: Floats, seed: int) -> pd.DataFrame:
 
 def _wander(size: int, step_s: float, random: np.random.Generator) -> Floats:
     """Noise of one with a correlation over a second and a half."""
-    share, values = np.exp(-step_s / 1.5), np.zeros(size)
-    for row, kick in enumerate(random.standard_normal(size)):
-        values[row] = (share * values[row - 1] if row else 0.0) + np.sqrt(1.0 - share**2) * kick
-    return values
+    share = np.exp(-step_s / 1.5)
+    return np.asarray(lfilter([np.sqrt(1.0 - share**2)], [1.0, -share], random.standard_normal(size)))
 
 
 def _settings(craft: Craft, helm: Floats, random: np.random.Generator) -> dict[str, Floats]:

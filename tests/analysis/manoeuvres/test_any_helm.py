@@ -8,6 +8,7 @@ import pytest
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.measures import extreme_rows, helm_rate_dps
 from tests.benchmarks.manoeuvre_trials import Score, case_of, judge, sail
+from tests.conftest import nightly
 
 TANKER = [0, 5, 10, 15, 20, 25]
 """The trials of the tanker of 180 m, at 0.5, 1, 2.5, 5, 10 and 20 deg/s."""
@@ -17,8 +18,8 @@ AZIMUTHS = [3, 8, 13, 28]
 @pytest.mark.parametrize(
     ("numbers", "pose_only"),
     [
-        (TANKER[::2] + AZIMUTHS[::2], False), (AZIMUTHS, True),
-        pytest.param(TANKER + AZIMUTHS, False, marks=pytest.mark.slow),
+        (TANKER[::2] + AZIMUTHS[::2], False), (AZIMUTHS[1:3], True),
+        *nightly((AZIMUTHS, True), (TANKER + AZIMUTHS, False)),
     ],
 )  # fmt: skip
 def test_every_execute_is_found_none_invented_and_intervals_hold_the_truth(
@@ -31,7 +32,7 @@ def test_every_execute_is_found_none_invented_and_intervals_hold_the_truth(
     assert score.coverage > 0.9
 
 
-@pytest.mark.parametrize("number", [0, 10, 3])
+@pytest.mark.parametrize("number", [0, 3, *nightly(10)])
 def test_position_heading_and_a_helm_are_enough(number: int) -> None:
     case = case_of(number)
     table, _, true, length_m = sail(case)

@@ -120,7 +120,7 @@ def steered_at_rates(rates_dps: list[float], straightness: float, hold_s: float,
     for row, target in enumerate(wanted):
         if row % 40 == 0:  # a hand at the wheel
             order = (straightness * target + target**3) / gain + 30.0 * (target - rate) + random.normal(0.0, 0.6)
-        helm_deg += np.clip(order - helm_deg, -5.0 * step_s, 5.0 * step_s)
+        helm_deg += max(-5.0 * step_s, min(5.0 * step_s, order - helm_deg))
         rate += step_s * (gain * helm_deg - straightness * rate - rate**3) / 12.0
         rows.append((rate, helm_deg))
     rates, helms = np.array(rows[::10]).T

@@ -76,7 +76,7 @@ def test_one_speed_in_another_unit_than_the_other_is_named_and_neither_is_scaled
 
 
 @pytest.mark.parametrize(("channel", "factor"), [
-    ("sway_mps", 0.6), ("surge_mps", 0.5), *nightly(("sway_mps", 0.2), ("sway_mps", KNOT), ("sway_mps", 1.5)),
+    ("sway_mps", 0.6), *nightly(("surge_mps", 0.5), ("sway_mps", 0.2), ("sway_mps", KNOT), ("sway_mps", 1.5)),
 ])  # fmt: skip
 def test_no_unit_is_named_of_the_channel_that_is_sound(channel: str, factor: float) -> None:
     """A sway that is half of what it should be makes surge look as if it were in knots, but for the whole way."""
@@ -146,7 +146,7 @@ def test_nothing_contradicts_in_a_sound_trial_however_noisy(noise: Noise, turnin
         assert coarse.is_neutral
 
 
-@pytest.mark.parametrize("noise", [Noise(), Noise(position_m=1.0)])
+@pytest.mark.parametrize("noise", [Noise(position_m=1.0), *nightly(Noise())])
 def test_positions_that_jump_and_return_are_found_and_flagged(noise: Noise) -> None:
     table = sailed(duration_s=900.0, noise=noise)
     table.iloc[1000:1031, 0] += 30.0

@@ -56,6 +56,7 @@ def test_positions_of_a_large_ship_that_scatter_make_no_delay(seed: int) -> None
     assert not delays_found(table)
 
 
+@pytest.mark.slow
 def test_noise_of_positions_alone_does_not_move_the_estimate() -> None:
     """Slopes without noise of their own are no less reliable for being sampled slowly: attenuation is none."""
     quiet, noisy = (recorded(large_ship(size), 0, np.random.default_rng(0)) for size in (0.001, 0.5))
@@ -88,10 +89,10 @@ def test_late_channels_of_a_boat_that_swings_fast_do_not_settle_a_swing_off(late
 def test_noise_of_the_heading_does_not_look_like_heel() -> None:
     """The path and the centripetal acceleration have the noise of the same headings."""
     how = replace(large_ship(0.15), manoeuvre="zigzag_10_10", heading_deg=0.47)
-    fit = fit_kinematics(recorded(how, 3, np.random.default_rng(3)))
-    low, high = fit.interval("heel_s2")
+    table = recorded(how, 3, np.random.default_rng(3))
+    low, high = fit_kinematics(table).interval("heel_s2")
     assert low <= 0.0 <= high
-    assert not delays_found(recorded(how, 3, np.random.default_rng(3)))
+    assert not delays_found(table)
 
 
 def test_a_delay_is_taken_off_only_beyond_two_samples() -> None:
