@@ -36,6 +36,7 @@ from seatrial.acquisition.emulator import NullModem
 from seatrial.acquisition.recording.messages import HEALTH_TOPIC
 from seatrial.acquisition.recording.reader import MessageStream, read_recording
 from seatrial.acquisition.recording.writer import write_table
+from seatrial.acquisition.tables.foreign_reader import CellBudget
 
 DBC = Path(__file__).parents[2] / "trials" / "vessels" / "thrusters.dbc"
 ORIGIN = (63.44, 10.4)
@@ -225,7 +226,7 @@ def read_in_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def read(script: Path, reader: str, path: Path, kind: str = "table") -> Any:
         module = import_module(f"seatrial.acquisition.tables.{script.stem}")
-        return module.READERS[reader](str(path.absolute()), module.CellBudget(10**9))
+        return module.READERS[reader](str(path.absolute()), CellBudget(10**9))
 
     monkeypatch.setattr("seatrial.acquisition.core.process.read_in_child", read)
 
