@@ -326,21 +326,10 @@ def interpolate_from_grid(time_s: Floats, grid_s: Floats, columns: Floats) -> Fl
 
 
 def integrate_on_grid(grid_s: Floats, rates: Floats) -> Floats:
-    """Rates [points, m] on the even grid, of four points and more, integrated from the first, by cubic splines.
+    """Rates [points, ...] integrated from the first point, by cubic splines."""
+    from scipy.interpolate import CubicSpline
 
-    The splines are those of scipy's ``CubicSpline``, without knots at the second point and the last but one.
-    """
-    from scipy.linalg.lapack import dgtsv
-
-    step_s, size = (grid_s[-1] - grid_s[0]) / (grid_s.size - 1), grid_s.size
-    slopes = np.diff(rates, axis=0) / step_s
-    ends = 2.5 * slopes[[0, -1]] + 0.5 * slopes[[1, -2]]
-    right = np.concatenate([ends[:1], 3.0 * (slopes[:-1] + slopes[1:]), ends[1:]])
-    above, diagonal = np.full(size - 1, 1.0), np.full(size, 4.0)
-    above[0], diagonal[[0, -1]] = 2.0, 1.0
-    *_, bends, _ = dgtsv(above[::-1], diagonal, above, right)
-    parts = 0.5 * step_s * (rates[1:] + rates[:-1]) + step_s**2 / 12.0 * (bends[:-1] - bends[1:])
-    return np.concatenate([np.zeros((1, rates.shape[1])), np.cumsum(parts, axis=0)])
+    return np.asarray(CubicSpline(grid_s, rates).antiderivative()(grid_s))
 
 
 def _rotate_by_quarter_turn(vectors: Floats) -> Floats:
