@@ -63,10 +63,8 @@ UNDERSTOOD = (
 )
 _BLF_LOGGER = logging.getLogger("can.io.blf")
 _TRC_EVENT = re.compile(r"\d+\)?\s+\S+\s+(?:(?:ST|EC|EV)\b|(?:\d+\s+)?(?:Warng\b|FFFFFFFF\b))")
-_TRC_VERSION, _TRC_VERSIONS = (
-    re.compile(rb"^;\$FILEVERSION=\s*(\S+)", re.MULTILINE),
-    (b"1.0", b"1.1", b"1.3", b"2.0", b"2.1"),
-)
+_TRC_VERSION = re.compile(rb"^;\$FILEVERSION=\s*(\S+)", re.MULTILINE)
+_TRC_VERSIONS = b"1.0", b"1.1", b"1.3", b"2.0", b"2.1"  # that python-can reads
 _TRC_ERROR = re.compile(r"\d+\)?\s+\S+\s+(?:ER\b|(?:\d+\s+)?Error\b)")
 """What a bus did and what a user marked, and frames that were broken on it, in TRC of any version."""
 _LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a typed text 64 kB
