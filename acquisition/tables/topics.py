@@ -706,9 +706,9 @@ def plain_meaning(
     of a topic "gyro" is none. Words of sides, orders and numbers elsewhere in the names are kept: they tell
     actuators from each other.
 
-    >>> plain_meaning("/thruster_port/state", "shaft.rpm", LogField(np.zeros(1))).meaning
+    >>> plain_meaning("/thruster_port/state", "shaft.rpm", log_frames.LogField(np.zeros(1))).meaning
     'port rpm'
-    >>> plain_meaning("/cmd/rudder", "data", LogField(np.zeros(1))).meaning
+    >>> plain_meaning("/cmd/rudder", "data", log_frames.LogField(np.zeros(1))).meaning
     'cmd rudder'
     """
     parts = [part for part in re.split(r"[./]", re.sub(r"\[(\d+)\]", r" \1", path)) if part not in _VALUE_NAMES]

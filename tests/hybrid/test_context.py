@@ -131,7 +131,7 @@ def test_what_can_be_neither_surveyed_nor_known_is_refused(options: dict[str, li
 def test_a_diagnosis_names_nothing_that_was_ruled_out_and_says_what_was(ship: Vessel, tmp_path: Path) -> None:
     """A hidden current is not named in declared still water; a known one leaves nothing to name."""
     hidden = {"ocean_current": {"speed_mps": 0.5, "direction_deg": 120.0}}
-    seatrial.simulate(tmp_path / "trial.mcap", vessel=ship, duration_s=300.0, rate_hz=4.0, hide=hidden)
+    seatrial.simulate(tmp_path / "trial.mcap", vessel=ship, duration_s=300.0, rate_hz=2.0, hide=hidden)
     (tmp_path / "conditions.toml").write_text("[context]\nno_waves = true\n")
     still = seatrial.diagnose(tmp_path / "trial.mcap", vessel=ship, still_water=True, identify=False).diagnosis
     assert not {"ocean_current", "wave_drift"} & {effect.name for effect in still.effects}

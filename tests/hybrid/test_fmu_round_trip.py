@@ -83,7 +83,7 @@ def test_calibrator_learns_the_same_beside_an_fmu(
 ) -> None:
     """What the model lacks is the same, so the network is."""
     monkeypatch.setattr("seatrial.hybrid.calibrators.make_calibrator", few_epochs)
-    trained = (st.train(earlier[:2], vessel, "additive", stride_s=5) for vessel in (VESSEL, fmu))
+    trained = (st.train(earlier[:2], vessel, "additive", stride_s=20) for vessel in (VESSEL, fmu))
     scores = [st.validate(unseen, calibrator, stride_s=20).scores for calibrator in trained]
     means = [one["hybrid"].mean_distance_m for one in scores]
     assert means[0] == pytest.approx(means[1], abs=1e-6)

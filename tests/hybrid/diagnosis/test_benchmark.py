@@ -48,6 +48,7 @@ def outcome(
     return judged(Planned(case, hidden, outside or {}))
 
 
+@pytest.mark.slow
 def test_a_sound_trial_lacks_nothing() -> None:
     assert outcome(1, {})["said"]["verdict"] == "nothing_missing"
 

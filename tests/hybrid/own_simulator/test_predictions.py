@@ -187,7 +187,7 @@ def test_run_in_simulator_predicts_from_the_measured_pose(shipyard: Path, sailed
     file = fmus.build_fmu(shipyard, 2, name="run_in")
     text = fmus.SHIP + fmus.MAP.replace("[control]", '[solver]\nstart = "run_in"\n\n[control]')
     file.with_suffix(".toml").write_text(text)
-    recording = sailed("Sailer", duration_s=600.0)
+    recording = sailed("Sailer")
     run_in = st.validate(recording, vessel=file)
     started = st.validate(recording, vessel=f"{shipyard}/sailer.py:Sailer")
     np.testing.assert_allclose(run_in.tracks["reference"][:, 0], run_in.windows.start[:, :3], atol=1e-9)
