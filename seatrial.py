@@ -165,13 +165,13 @@ def main() -> None:
     """
     process.guard_standard_streams()
     try:
-        if sys.argv[1:2] == ["record"]:
-            can_library.import_without_asammdf()
         with (
             process.stop_on_signals()
             if sys.argv[1:2] in (["record"], ["watch"], ["conduct"])
             else process.interrupt_on_terminate()
         ):
+            if sys.argv[1:2] == ["record"]:
+                can_library.import_without_asammdf()
             _command(_app())()
     except KeyboardInterrupt as stop:
         sys.exit(_TERMINATED if isinstance(stop, process.Termination) else _INTERRUPTED)

@@ -13,9 +13,9 @@ import pickle
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
+DAMAGED = "it is damaged, cut short, or of another kind than its name says"
 CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
 """The calendars of CF-1.11, 4.4.1, that are ours."""
 _EXIT_REFUSED = 3
@@ -146,10 +146,9 @@ def unpack_values(values: Any, attributes: Mapping[str, Any], *, is_netcdf: bool
     fills = [*stated.get("_FillValue", ()), *stated.get("missing_value", ())]
     if is_netcdf and "_FillValue" not in stated and values.dtype.str[1:] in _DEFAULT_FILLS:
         fills.append(_DEFAULT_FILLS[values.dtype.str[1:]])
-    is_missing = np.isin(values, [*map(partial(_as_stored, values.dtype), fills)])
-    scale, offset = (
-        next(iter(stated.get(key, ())), usual) for key, usual in (("scale_factor", 1), ("add_offset", 0))
-    )
+    is_missing = np.isin(values, [_as_stored(values.dtype, fill) for fill in fills])
+    scale = next(iter(stated.get("scale_factor", ())), 1)
+    offset = next(iter(stated.get("add_offset", ())), 0)
     if (scale, offset) != (1, 0):
         values = values * float(scale) + float(offset)
     return np.where(is_missing, np.nan, values) if is_missing.any() else values  # whole numbers stay whole
@@ -262,7 +261,7 @@ def main(readers: Mapping[str, Callable[[str, CellBudget], Any]]) -> int:
         except Exception as error:  # a damaged file makes these libraries fail in every possible way
             if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.EFBIG:
                 return 1
-            reason = "it is damaged, cut short, or of another kind than its name says"
+            reason = DAMAGED
             if isinstance(error, ModuleNotFoundError):
                 reason = f"it needs the package {error.name}, which an extra of seatrial brings"
             elif isinstance(error, RefusedError):

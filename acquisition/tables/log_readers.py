@@ -771,16 +771,14 @@ def _stated_in_tdms(stream: Any) -> tuple[dict[str, list[Statement]], int]:
 def _waveform_parts(statements: list[Statement], length: int) -> tuple[str, tuple[WaveformPart, ...]]:
     """The clock of a channel's waveform, and its parts; no clock for a channel that is none.
 
-    Raises foreign_reader.RefusedError for samples that cannot be dated or scaled.
+    Raises :class:`RefusedError` for samples that cannot be dated or scaled.
     """
     if not length:
         raise foreign_reader.RefusedError("empty")
     scale, clocks = "", dict[int, tuple[str, int, float]]()
     for first, properties in statements:
-        before, scale = (
-            scale,
-            "; ".join(str(value) for key, value in properties.items() if key[:3] != "wf_" and value),
-        )
+        before = scale
+        scale = "; ".join(str(value) for key, value in properties.items() if key[:3] != "wf_" and value)
         if first and before not in ("", scale):
             raise foreign_reader.RefusedError(
                 f"its unit or scale changes on the way, from {before[:40]!r} to {scale[:40]!r}"

@@ -24,7 +24,7 @@ from seatrial.acquisition.core import files, process, quantities
 from seatrial.acquisition.core.errors import RECORD_A_LOG, InputError
 from seatrial.acquisition.core.times import DAY_NS, zone_offset_s
 from seatrial.acquisition.core.trial import NANO, Trial
-from seatrial.acquisition.tables.foreign_reader import CALENDARS
+from seatrial.acquisition.tables.foreign_reader import CALENDARS, DAMAGED, GROUPS
 
 OPENERS: dict[str, Callable[[Path], Any]] = {
     "": lambda path: path.open("rb"),
@@ -33,7 +33,6 @@ OPENERS: dict[str, Callable[[Path], Any]] = {
     ".xz": lzma.open,
 }
 """How a text file or a log is opened, by the suffix after that of its kind."""
-DAMAGED = "it is damaged, cut short, or of another kind than its name says"
 FOREIGN_READER = Path(__file__).with_name("foreign_reader.py")
 _TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat", ".lvm", ".pos")
 
@@ -419,10 +418,8 @@ def read_netcdf(path: Path) -> RawTable:
         name: (*_without_short_dimensions(*variable[:2]), variable[2]) for name, variable in variables.items()
     }
     standard = (name for name, (_, _, metadata) in variables.items() if metadata.get("standard_name") == "time")
-    time, groups = (
-        next((name for name in (*_TIME_NAMES, *standard) if name in variables), None),
-        attributes.get("/", ()),
-    )
+    time = next((name for name in (*_TIME_NAMES, *standard) if name in variables), None)
+    groups = attributes.get(GROUPS, ())
     if time is None:
         fix = "name the file .h5, and its groups are read" if groups else "rename the one that holds the times"
         raise InputError("has no variable time", where=str(path), fix=fix)

@@ -122,10 +122,8 @@ def find_manoeuvres_and_left_out(
         why = f"the recording is shorter than {_SHORTEST_S:.0f} s"
         return (), (LeftOut("manoeuvre", *bounds, why),)
     events = list(events)
-    programme, events = (
-        conducted.conducted_runs(events),
-        [event for event in events if not conducted.is_mark_of_run(event[1])],
-    )
+    programme = conducted.conducted_runs(events)
+    events = [event for event in events if not conducted.is_mark_of_run(event[1])]
     marks = pair_event_marks(events)
     judged = _find_candidates(motion, marks, events)
     for span in (run.judged for run in sorted(programme, key=lambda run: run.outcome == "valid") if run.judged):
