@@ -36,7 +36,10 @@ from seatrial.hybrid.simulation.index_table import NAMES, FormErrors, IndexTable
 from seatrial.hybrid.vessel.files import Vessel
 
 NORMAL_95 = 1.959964
-_INITIAL_TURN_DEG = 10.0
+_INITIAL_TURN_HELD_DEG = 9.0
+"""The turn until which the helm has to be held for the way to the first 10 deg: ships turn the last degree while
+the helm still swings to amidships, and sparse records tell the moment of a reversal no better."""
+
 _FEWEST_ERRORS = 2  # of a family, from which a form error can be estimated: else those of all families are taken
 
 _STEP_ERROR = 0.0015
@@ -208,7 +211,7 @@ def _is_steady(run: Manoeuvre, length_m: float) -> bool:
 def _indices_of(run: Manoeuvre) -> dict[str, Index]:
     """The measured indices of the table, the current removed where it is known; the way to the first 10 deg of turn
     only where the helm was held as long."""
-    reversed_early = run.settings.get("switch_deg", inf) < _INITIAL_TURN_DEG
+    reversed_early = run.settings.get("switch_deg", inf) < _INITIAL_TURN_HELD_DEG
     return {
         name: index for name, index in comparisons.measured_indices(run).items()
         if name in NAMES and not (reversed_early and name == "initial_turning_m")

@@ -124,11 +124,16 @@ def record(start: Vessel) -> pd.DataFrame:
     return simulate_trial(start, WIND, "zigzag_20_20", 200.0, 5.0, noise=SimulationNoise().scaled(0.0))[0]
 
 
-def test_segments_are_compared_where_the_record_has_rows(record: pd.DataFrame, start: Vessel) -> None:
-    segments = segments_of({"zigzag": record}, vessel_plant(start))
-    every = segments.steps_per_comparison * segments.dt_s / 0.2  # in rows of the record
+@pytest.mark.parametrize(("nth", "duration_s"), [(1, 20.0), (1, 47.0), (2, 33.0), (3, 20.0), (5, 20.0)])
+def test_segments_are_compared_where_the_record_has_rows(
+    record: pd.DataFrame, start: Vessel, nth: int, duration_s: float
+) -> None:
+    sparse = record.iloc[::nth]
+    segments = segments_of({"zigzag": sparse}, vessel_plant(start), duration_s)
+    assert segments.duration_s == pytest.approx(duration_s, rel=0.1)
+    every = segments.steps_per_comparison * segments.dt_s / (0.2 * nth)  # in rows of the record
     assert every == pytest.approx(round(every))
-    compared = record["surge_mps"].to_numpy()[:: round(every)][: segments.measured[..., 0].size]
+    compared = sparse["surge_mps"].to_numpy()[:: round(every)][: segments.measured[..., 0].size]
     assert segments.measured[..., 3].ravel() == pytest.approx(compared, abs=1e-12)
     parts = segments.split(PARTS)
     assert len(parts) == PARTS * len(segments)

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import seatrial as st
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.analysis.conduct.outlook import Outlook, RecordedRun
-from seatrial.analysis.conduct.programme import TrialProgramme, programme_from_template
+from seatrial.analysis.conduct.programme import PlannedRun, TrialProgramme, programme_from_template
 from seatrial.analysis.manoeuvres import criteria
 from seatrial.analysis.manoeuvres.indices import Index
-from seatrial.hybrid.evaluation.predicted_indices import UncertainVessel, form_errors
+from seatrial.hybrid.evaluation.predicted_indices import (
+    HeldOut,
+    UncertainVessel,
+    certain_vessel,
+    form_errors,
+    unseen_rows,
+)
 from seatrial.hybrid.identification.fit import with_values
 from seatrial.hybrid.identification.outlook import (
     indices_of_run,
@@ -40,17 +48,21 @@ def programme() -> TrialProgramme:
     return programme_from_template("imo", ship.length_m, vessel_check.test_speed_mps(FILE, ship.rpm))
 
 
+def sailed(run: PlannedRun, programme: TrialProgramme, seed: int, rate_hz: float = 5.0) -> pd.DataFrame:
+    """The samples of a run in a current from abeam."""
+    current = SeaState(0.0, 0.0, 5.0, 0.04 * programme.programme.speed_mps)
+    legs = legs_of_run(run, trial_ship_of(run, programme, SHIP), programme.length_s)
+    duration_s = 60.0 * programme.minutes_of(run) + 5.0 * programme.length_s
+    return simulate_trial(SHIP, current, legs, duration_s, rate_hz, seed, noise=SimulationNoise().scaled(0.1))[0]
+
+
 @pytest.fixture(scope="module")
 def recorded(programme: TrialProgramme) -> list[RecordedRun]:
-    """Three zigzags in a current from abeam."""
-    current = SeaState(0.0, 0.0, 5.0, 0.04 * programme.programme.speed_mps)
+    """Three zigzags."""
     runs = list[RecordedRun]()
     for seed, run in enumerate(run for run in programme.run[:3]):
         assert run.kind == "zigzag"
-        legs = legs_of_run(run, trial_ship_of(run, programme, SHIP), programme.length_s)
-        duration_s = 60.0 * programme.minutes_of(run) + 5.0 * programme.length_s
-        table, _ = simulate_trial(SHIP, current, legs, duration_s, 5.0, seed, noise=SimulationNoise().scaled(0.1))
-        runs.append(RecordedRun(run, table, valid=True))
+        runs.append(RecordedRun(run, sailed(run, programme, seed), valid=True))
     return runs
 
 
@@ -60,6 +72,18 @@ def outlook(programme: TrialProgramme, recorded: list[RecordedRun]) -> Outlook:
     maker = partial(outlook_of_runs, FILE, programme)
     made: Outlook = pickle.loads(pickle.dumps(maker))(recorded, remaining)  # as in its process
     return made
+
+
+@pytest.mark.parametrize("rate_hz", [5.0, 1.0])
+def test_way_to_the_first_turn_is_held_against_models_at_any_rate(
+    programme: TrialProgramme, rate_hz: float
+) -> None:
+    run = programme.run[0]
+    assert run.switch_deg == 10.0
+    for switch_deg, reached in ((10.0, True), (5.0, False)):
+        table = sailed(replace(run, switch_deg=switch_deg), programme, 0, rate_hz)
+        rows = unseen_rows([HeldOut({"zigzag": table}, certain_vessel(SHIP))], {})
+        assert ("initial_turning_m" in {row.name for row, _ in rows}) == reached
 
 
 def test_intervals_hold_the_circle_that_was_not_sailed(programme: TrialProgramme, outlook: Outlook) -> None:
