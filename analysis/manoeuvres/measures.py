@@ -55,6 +55,7 @@ _ALIKE_SHARE, _ALIKE_DEG = 0.15, 1.0
 _ALIKE_LONG_SHARE = 0.05  # of helms that are both held for longer than a correction
 HELD_SHARE = 0.35  # of a helm, by which it may wander while it is held: not half of the way to amidships
 _FEWEST_OF_FIT, _FEWEST_BEFORE = 5, 2
+_FEW_ROWS, _EVEN_PART = 5.0, (0.05, 0.6)  # rows of a change, and the shares of it that every drive passes evenly
 _CREEP = 4.0  # times as long as the last half of a change, and a row: no drive begins so slowly
 CONTRADICTION = "the recorded orders do not precede the helm"
 
@@ -63,16 +64,24 @@ def helm_rate_dps(helm: Floats, step_s: float) -> float:
     """The usual rate of a helm [deg/s], from its values [deg, rows]: that of the steepest third between
     extremes.
 
-    The median over all movements of at least a third of the largest helm; infinite without any.
+    The median over all movements of at least a third of the largest helm; infinite without any. Movements that take
+    few rows are as long as the mean number of rows on the way says: between two rows any rate is possible.
     """
     calm, turns = helm_turning_points(helm, step_s)
-    rates = []
+    rates, ways_deg, on_way, (least, most) = list[float](), list[float](), 0.5, _EVEN_PART
     for first, last in pairwise(turns):
         travel = np.maximum.accumulate(np.abs(calm[first : last + 1] - calm[first]))
         order = np.arange(travel.size)
         rows = np.interp(np.linspace(0.1, 0.9, 9) * travel[-1], travel + 1e-9 * order, order)
         rates.append(float(0.3 * travel[-1] / (step_s * max(0.3, (rows[3:] - rows[:-3]).min()))))
-    return float(np.median(rates)) if rates else float("inf")
+        ways_deg.append(float(travel[-1]))
+        on_way += np.count_nonzero((travel > least * travel[-1]) & (travel < most * travel[-1]))
+    if not rates:
+        return float("inf")
+    takes_rows = on_way / (len(rates) + 0.5) / (most - least)
+    if takes_rows >= _FEW_ROWS:
+        return float(np.median(rates))
+    return max(float(np.median(rates)), float(np.mean(ways_deg)) / (takes_rows * step_s))
 
 
 def helm_turning_points(helm: Floats, step_s: float) -> tuple[Floats, list[int]]:
@@ -131,6 +140,9 @@ def helm_execute(motion: motions.Motion, plateau: Plateau, last: Plateau | None 
     else:
         before_deg, earliest = last.level, (last.first + last.end) // 2
     begun_s, half_s = execute_times_s(motion.time_s, motion.helm_deg, plateau, before_deg, earliest)
+    takes_s = abs(plateau.level - before_deg) / motion.helm_rate_dps
+    if plateau.first - earliest >= _FEWEST_BEFORE and 0.0 < takes_s < _FEW_ROWS * motion.step_s:
+        begun_s = _start_of_brief_change_s(motion, plateau.level, before_deg, half_s, takes_s)
     begun_s = min(begun_s, half_s)
     within_s = _execute_uncertainty_s(motion, plateau.level - before_deg)
     first = int(np.searchsorted(motion.time_s, begun_s))
@@ -156,6 +168,27 @@ def helm_execute(motion: motions.Motion, plateau: Plateau, last: Plateau | None 
             return Execute(ordered_s, half_s, 0.5 * motion.step_s, half_within_s)
     contradicts = plateau.first - earliest >= _FEWEST_BEFORE  # else the recording begins with the helm over
     return Execute(begun_s, half_s, order_within_s, half_within_s, contradicts)
+
+
+def _start_of_brief_change_s(
+    motion: motions.Motion, level_deg: float, before_deg: float, half_s: float, takes_s: float
+) -> float:
+    """When a helm began to move that takes ``takes_s`` at its usual rate, from the rows in which it was on its way.
+
+    A line through so few rows begins at the last one before the change, in the mean half of a row early. Without a
+    row on the way the change is as likely anywhere between the rows about it.
+    """
+    share = (motion.helm_deg - before_deg) / (level_deg - before_deg)
+    least, most = _EVEN_PART
+    half = int(np.searchsorted(motion.time_s, half_s))
+    last = int(_last_crossing(share[: half + 1], least))
+    there = last + 1 + int(_first_crossing(share[last + 1 :], most))
+    on_way = slice(last + 1, there)
+    if there > last + 1:
+        start_s = float(np.mean(motion.time_s[on_way] - share[on_way] * takes_s))
+    else:
+        start_s = 0.5 * float(motion.time_s[last] + motion.time_s[there] - most * takes_s)
+    return float(np.clip(start_s, *motion.time_s[[last, last + 1]]))
 
 
 def _execute_uncertainty_s(motion: motions.Motion, change_deg: float) -> float:

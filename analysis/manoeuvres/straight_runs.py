@@ -19,7 +19,7 @@ from seatrial.analysis.manoeuvres.motion import Motion, row_to_row_noise, runs_o
 from seatrial.analysis.tables.table import NANO
 
 _LOOK_S = 10.0
-_STRAIGHT_DEG = 3.0
+_STRAIGHT_DEG, _SWINGING_DEG = 3.0, 5.0
 _STEADY_SHARE = 0.04
 LEAST_RUN_S, _LEAST_HELD_S = 30.0, 5.0
 _IDLE_SHARE, _UNDER_WAY_SHARE = 0.08, 0.25
@@ -108,8 +108,9 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuv
         # without its beginning, where the ship regains speed after a turn; all of it if less than half is level
         starts = np.linspace(first, 0.5 * (first + end), _TRIED_STARTS).astype(int)
         long = [start for start in starts if (end - start) * smooth.step_s >= LEAST_RUN_S]
-        start = next((start for start in long if not why_no_speed_run(smooth, start, end)), first)
-        candidates[start, end] = why_no_speed_run(smooth, start, end)
+        reasons = {int(start): why_no_speed_run(motion, smooth, start, end) for start in (*long, first)}
+        start = next((start for start, why in reasons.items() if not why), first)
+        candidates[start, end] = reasons[start]
     runs, left_out = list[Manoeuvre](), list[LeftOut]()
     for (first, end), why in candidates.items():
         part = motion.rows(first, end)
@@ -130,13 +131,16 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuv
     return [*_pair_reciprocal(runs), *left_out]
 
 
-def why_no_speed_run(smooth: Motion, first: int, end: int) -> str:
-    """The reason why a stretch is no speed run, "" if it is: its heading and speed must have no trend."""
+def why_no_speed_run(motion: Motion, smooth: Motion, first: int, end: int) -> str:
+    """The reason why a stretch is no speed run, "" if it is: its heading and speed must have no trend, and the
+    heading, which is smoothed for that, must not swing as in a zigzag of brief swings."""
     rows = np.linspace(-0.5, 0.5, end - first)
     turned, gained = (float(rows @ values[first:end] / (rows @ rows))
                       for values in (smooth.heading_deg, smooth.surge_mps))  # fmt: skip
     if abs(turned) > _STRAIGHT_DEG:
         return f"the ship turned by {abs(turned):.0f} deg"
+    if (swing := float(np.std(motion.heading_deg[first:end] - turned * rows))) > _SWINGING_DEG:
+        return f"the heading swung by {np.sqrt(2.0) * swing:.0f} deg to either side"
     if abs(gained) > _STEADY_SHARE * float(smooth.surge_mps[first:end].mean()):
         return f"the speed changed by {abs(gained):.2f} m/s"
     return ""
@@ -380,9 +384,11 @@ def stopping_indices(motion: Motion, executes: Floats) -> dict[str, float]:
 
 
 def _running_and_idle(values: Floats, largest: float) -> tuple[Bools, Bools]:
-    """Masks of where a drive runs and where it is stopped, relative to the largest of its kind."""
-    floor = max(_NOISE_SIGMAS * row_to_row_noise(values), _LEAST_RUNNING)
-    return np.abs(values) > max(_RUNNING_SHARE * largest, floor), np.abs(values) < max(_IDLE_SHARE * largest, floor)
+    """Masks of where a drive runs and where it is stopped, relative to the largest of its kind. A drive that is
+    put to and fro every few rows looks noisy, and yet does not idle."""
+    floor, running = max(_NOISE_SIGMAS * row_to_row_noise(values), _LEAST_RUNNING), _RUNNING_SHARE * largest
+    idle = max(_IDLE_SHARE * largest, min(floor, running))
+    return np.abs(values) > max(running, floor), np.abs(values) < idle
 
 
 def close_gaps_in_mask(mask: Bools, rows: int) -> Bools:

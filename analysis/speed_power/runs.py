@@ -150,7 +150,7 @@ def power_runs(
     for begun, first, end, excluded in _rows_of_runs(motion, smooth, list(events)):
         start, stop = (motion.utc(motion.time_s[row]) for row in (first, end - 1))
         part = table.loc[start:stop]
-        why = excluded or straight_runs.why_no_speed_run(smooth, first, end)
+        why = excluded or straight_runs.why_no_speed_run(motion, smooth, first, end)
         if not why and part[[name for name, _ in columns.values()]].count().min() < _FEWEST_SAMPLES * _BLOCKS:
             why = "its power was hardly measured"
         if why:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seatrial.acquisition.core.ship import Actuator
+from seatrial.acquisition.core.ship import Actuator, Actuators
 from seatrial.analysis.manoeuvres.criteria import index_rows
 from seatrial.analysis.manoeuvres.find import find_manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import LeftOut, Manoeuvre
@@ -73,6 +74,35 @@ def test_helm_that_is_reversed_as_soon_as_it_is_reached_is_the_first_swing(switc
     start_s = (run.start - sailed.table.index[0]).total_seconds()
     assert start_s == pytest.approx(sailed.orders_s[0], abs=0.5)
     assert run.settings["swings"] == 6
+
+
+@pytest.mark.parametrize("actuators", [RUDDER, AZIMUTHS])
+@pytest.mark.parametrize("helm_rate_dps", [12.0, 20.0, 60.0])
+@pytest.mark.parametrize("rate_hz", [0.5, 1.0, 2.0])
+def test_orders_between_sparse_records_are_neither_early_nor_late(
+    rate_hz: float, helm_rate_dps: float, actuators: Actuators
+) -> None:
+    """Of a helm that is put over within a few records: else every overshoot from the order is too large."""
+    craft = Craft(7.0, 1.2, actuators, helm_rate_dps, noise_deg=0.1, rate_hz=rate_hz)
+    late_s = list[float]()
+    for seed in range(3):
+        sailed = sail_zigzag(craft, 10, 20.0, 20.0, seed, lead_s(craft) + 0.3 * seed)
+        (run,), _ = steered(sailed.table)
+        found_s = np.array([(order - sailed.table.index[0]).total_seconds() for order in run.executes])
+        late_s += [order_s - sailed.orders_s[np.abs(sailed.orders_s - order_s).argmin()] for order_s in found_s]
+    assert len(late_s) > 20
+    assert abs(np.mean(late_s)) < 0.15 / rate_hz
+    assert np.std(late_s) < 0.3 / rate_hz
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 5.0])
+@pytest.mark.parametrize(("angle_deg", "switch_deg"), [(25.0, 10.0), (20.0, 5.0)])
+def test_swings_of_seconds_are_neither_a_speed_run_nor_one_propeller_alone(
+    angle_deg: float, switch_deg: float, rate_hz: float
+) -> None:
+    craft = Craft(2.0, 2.5, PROPELLERS, helm_rate_dps=60.0, rate_hz=rate_hz)
+    runs, _ = find_manoeuvres_and_left_out(sail_zigzag(craft, 40, angle_deg, switch_deg, 0, 5.0).table)
+    assert {run.kind for run in runs} <= {"zigzag"}
 
 
 @given(craft=CRAFT, angle_deg=st.sampled_from([-30.0, 15.0, 25.0]), seed=st.integers(0, 99))
