@@ -428,29 +428,40 @@ def map_of_long_table(raw: RawTable, channels: Collection[str]) -> ColumnMap | N
 
 
 def _add_plane_position(result: TableFile, entry: Position, requested: _RequestedColumns) -> None:
-    """Add north and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
+    """Add the positions of the map's columns, without rows that its column of fixes calls lost."""
     latitude, longitude = _latitude_and_longitude(requested, entry)
-    no_fix = no_fix_mask(latitude, longitude)
-    if no_fix.any():
-        result.remarks = (*result.remarks, remark_on_missing_fixes(latitude[no_fix]))
+    lost = np.zeros(latitude.size, dtype=bool)
     if entry.fix is not None:
         lost = entry.lost_fix_mask(requested.raw.columns[requested.require_column(entry.fix, ("position", "fix"))])
         over_ground = [name for name in GROUND_CHANNELS if name in result.table]
         result.table.loc[lost, over_ground] = np.nan
         result.dropped |= {"without a fix, whose positions are": int(lost.sum())} if lost.any() else {}
-        no_fix |= lost
-    latitude, longitude = (np.where(no_fix, np.nan, angle) for angle in (latitude, longitude))
+    add_projected_position(result, latitude, longitude, (entry.latitude, entry.longitude), requested.raw.path, lost)
+
+
+def add_projected_position(
+    result: TableFile, latitude: Floats, longitude: Floats, columns: tuple[str, str], path: Path, lost: Bools
+) -> None:
+    """Add north and east of the trial's origin, or of the first fix, on the WGS 84 tangent plane, from latitude and
+    longitude [n, deg] of two columns; rows that are ``lost`` or hold a code for no position have none.
+
+    Raises :class:`InputError` where there is no position at all.
+    """
+    no_fix = no_fix_mask(latitude, longitude)
+    if no_fix.any():
+        result.remarks = (*result.remarks, remark_on_missing_fixes(latitude[no_fix]))
+    latitude, longitude = (np.where(no_fix | lost, np.nan, angle) for angle in (latitude, longitude))
     valid = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
     if not valid.any():
-        what = f"columns {entry.latitude!r} and {entry.longitude!r} contain no position"
-        raise InputError(what, where=str(requested.raw.path), fix="check the unit of [position] in the map")
+        what = f"columns {columns[0]!r} and {columns[1]!r} contain no position"
+        raise InputError(what, where=str(path), fix="check their unit, degrees; [position] in a map states another")
     first_fix = int(np.flatnonzero(valid)[0])
     origin = result.trial.origin or (float(latitude[first_fix]), float(longitude[first_fix]))
     result.trial = replace(result.trial, origin_latitude_deg=origin[0], origin_longitude_deg=origin[1])
     north, east = np.full((2, valid.size), np.nan)
     north[valid], east[valid], _ = pymap3d.geodetic2ned(latitude[valid], longitude[valid], 0.0, *origin, 0.0)
     channels = {"north_m": north, "east_m": east, "latitude_deg": latitude, "longitude_deg": longitude}
-    result.add(channels, f"table: {entry.latitude}, {entry.longitude}")
+    result.add(channels, f"table: {columns[0]}, {columns[1]}")
 
 
 def add_parts_of_degrees(degrees: Floats, parts: Sequence[Floats]) -> Floats:

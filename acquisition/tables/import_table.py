@@ -397,6 +397,10 @@ def _read_standard(
             table[name] = ships.wrap_to_range(channels[name], values)
     file = TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown, remarks=timed.remarks)
     _correct_conventions_by_track(file, timed.raw, time, column_answers)
+    plane, globe = _TRACK_CHANNELS[:2], _TRACK_CHANNELS[2:]
+    if set(globe) <= set(names) and set(plane).isdisjoint(names):
+        latitude, longitude = (file.table[name].to_numpy() for name in globe)
+        column_map.add_projected_position(file, latitude, longitude, globe, raw.path, np.isnan(latitude))
     return _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
 
 

@@ -48,6 +48,18 @@ def test_sound_columns_stay_as_they_are(tmp_path: Path) -> None:
         np.testing.assert_array_equal(found[name], getattr(truth, name), err_msg=name)
 
 
+def test_latitudes_and_longitudes_alone_are_projected(tmp_path: Path) -> None:
+    truth = Truth()
+    places = {name: truth.table[name].to_numpy() for name in ("latitude_deg", "longitude_deg")}
+    frame = standard_table(truth, "north_m", "east_m", **places)
+    frame.to_csv(tmp_path / "table.csv", index=False)
+    import_table(tmp_path / "table.csv", tmp_path / "out.mcap", allow_missing=True)
+    found = read_table(tmp_path / "out.mcap")
+    for name in ("north_m", "east_m"):  # from the first position on
+        way = found[name].to_numpy() - found[name].iloc[0]
+        np.testing.assert_allclose(way, truth.table[name] - truth.table[name].iloc[0], atol=0.1)
+
+
 def test_a_code_that_a_speed_could_be_is_no_value(tmp_path: Path) -> None:
     truth = Truth()
     surge = np.array(truth.surge_mps)
