@@ -153,7 +153,7 @@ def index_cells(index: Index) -> tuple[str, str, str, str]:
     width = 0.5 * (index.high - index.low)
     most = _significant_decimals(index.value or width, _MOST_FIGURES)
     digits = min(_significant_decimals(width, 2), most) if width > 0 else most
-    interval = f"{index.low:.{digits}f} to {index.high:.{digits}f}" if np.isfinite(width) else ""
+    interval = f"{index.low:z.{digits}f} to {index.high:z.{digits}f}" if np.isfinite(width) else ""
     lengths = f"{index.lengths:.2f}" if index.lengths is not None else ""
     limit = f"{index.limit:.1f} {index.unit}" if index.limit is not None else ""
     if index.limit_lengths is not None:

@@ -96,7 +96,7 @@ def programme_rows(tests: Sequence[NumberedRun]) -> list[list[str]]:
         else:  # it is steady itself
             approach = test.table.loc[run.start : run.end]
         shafts = [name for name in map(str, approach) if name.endswith("_rpm") and not is_order_channel(name)]
-        shaft_rpm = [f"{approach[name].mean():.0f}" for name in measured_channels(approach, shafts)]
+        shaft_rpm = [f"{approach[name].mean():z.0f}" for name in measured_channels(approach, shafts)]
         power = runs.mean_power_kw(approach)
         wind = approach.reindex(
             columns=measured_channels(test.table, ["wind_speed_mps", "wind_direction_deg"])
