@@ -183,7 +183,7 @@ def _check_series(
         f"{count:,} of {total:,} samples {'is' if count == 1 else 'are'} stamped "
         f"{tables.time_span_text(stray_ns)}, up to {distance_s / 86400:,.0f} days from the recording proper, "
         f"{tables.time_span_text(np.array([first, last]))}",
-        "Look at the clock when recording began; `--repair` makes gaps of a few such samples",
+        "Look at the clock when recording began; --repair makes gaps of a few such samples",
         {"count": float(count), "seconds": distance_s},
         certain=count < _FEW_STRAY * total,  # a few are certain to be wrong, of two halves either may be
     )  # fmt: skip
@@ -358,7 +358,7 @@ def _findings_of_single_channels(
                     f"{finding.channel} counts otherwise than {range_text}, which is the convention: {count:,.0f} "
                     f"{lie} beyond, the first at {finding.start:%H:%M:%S}"
                 )
-                remedy = "`--repair` turns them into it; give the convention to what imports or decodes them"
+                remedy = "--repair turns them into it; give the convention to what imports or decodes them"
                 estimate = {**finding.estimate, quality.OTHER_TURN: 1.0}
                 finding = replace(finding, text=text, remedy=remedy, estimate=estimate)
             findings.append(finding)

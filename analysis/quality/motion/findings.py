@@ -273,9 +273,9 @@ def _delay_finding(
         text += "; it is not the same throughout the recording"
     doubt = _objection_to_removing_delay(explanation, cause, fit, independent)
     certain = steady and not doubt
-    remedy = "`--repair` takes it off the stamps."
+    remedy = "--repair takes it off the stamps."
     if not certain:
-        remedy = f"`--repair` leaves it: {doubt or 'this trial does not tell enough'}."
+        remedy = f"--repair leaves it: {doubt or 'this trial does not tell enough'}."
     estimate = {"seconds": seconds, "low": low, "high": high}
     finding = Finding("channel_delay", cause, *span, text, remedy, estimate, certain=certain)
     return _limit_finding_to_band(finding, band_hz)
