@@ -36,6 +36,7 @@ _LEAST_MOVE_SHARE, _LEAST_MOVE_DEG = 0.3, 2.5  # of the largest helm: less is co
 _LONGEST_ORDER_LAG_S = 20.0  # from an order to the first movement of the steering gear
 _EXTRAPOLATED = 2.0  # the start of a change is known so much worse than its middle, by the line through both
 _SOFT_START_S = 0.15  # how much later than an order a steering gear's beginning is seen: none is there at once
+_SHARED = 0.4  # the share of that which all executes of a run have alike; by manoeuvre_trials, from 3000
 _SURELY = 3.0  # times what the beginning of a change is known within, by which it is not before an order
 _BLOCKS, _TWO_SIDED_95_OF_BLOCKS = 6, 2.57  # Student's t of five degrees of freedom
 REPLICATES = 48
@@ -380,7 +381,8 @@ def bootstrap_index_intervals(
 ) -> dict[str, tuple[float, float]]:
     """Value and half of the 95 % interval of every index that ``measure`` gives for a motion.
 
-    The times of the commands are known only to a part of a row: each is varied by up to ``unsure_s``.
+    The times of the commands are known only to a part of a row: each is varied by up to ``unsure_s``, and all alike
+    by a share of it, as with a drive that begins otherwise than it is taken to.
     """
     random = np.random.default_rng(_SEED)
     smooth = smooth_motion(motion, half_width)
@@ -396,7 +398,8 @@ def bootstrap_index_intervals(
             noise = np.fft.irfft(amplitude * (real + 1j * imaginary), smooth.time_s.size)
             noisy[name] = getattr(smooth, name) + noise
         replicate = smooth_motion(replace(smooth, **noisy), half_width)
-        moved = executes_s + unsure_s * random.uniform(-1.0, 1.0, executes_s.shape)
+        own, shared = random.uniform(-1.0, 1.0, executes_s.shape), random.uniform(-1.0, 1.0)
+        moved = executes_s + unsure_s * (own + _SHARED * shared)
         repeats.append(measure(replicate, moved))
 
     path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a distance are uncertain
