@@ -494,11 +494,48 @@ def _mcap_decoder(encoding: str, schema: Any, stores: dict[str, RosTypes]) -> Ca
     return None
 
 
+_LONGEST_ULOG_MESSAGE = 0xFFFF
+
+
+def _bytes_of_ulog_types(formats: Mapping[str, Any], basic: Mapping[str, int]) -> dict[str, int]:
+    """The bytes of a message of each type that a ULog defines, without those that are nested too deep or in
+    themselves."""
+    sizes = dict[str, int]()
+    for _ in range(_MOST_NESTED):
+        known = {**sizes, **basic}
+        for name in formats.keys() - sizes.keys():
+            if all(kind in known for kind, _, _ in formats[name].fields):
+                sizes[name] = sum(max(length, 1) * max(known[kind], 1) for kind, length, _ in formats[name].fields)
+    return sizes
+
+
 def read_ulog(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """The topics of PX4's log, with times since the autopilot's start."""
     from pyulog import ULog
 
-    file, log = ULog(path), LogContent(cells)
+    log, sizes = LogContent(cells), dict[str, int]()
+    basic = {kind: ULog.get_field_size(kind) for kind in ULog._UNPACK_TYPES}
+
+    class Subscription(ULog._MessageAddLogged):  # type: ignore[misc]
+        """The library's, which lists every element of nested arrays, whether or not a message can hold them."""
+
+        def _parse_format(self, message_formats: Mapping[str, Any]) -> None:
+            if not sizes:
+                sizes.update(_bytes_of_ulog_types(message_formats, basic))
+            size = sizes.get(self.message_name)
+            if size is None or size > _LONGEST_ULOG_MESSAGE:
+                kind = f"its type is longer than the {_LONGEST_ULOG_MESSAGE:,} bytes of a message"
+                reason = kind if size else "its type is not defined, nested too deep, or in itself"
+                log.leave_out(self.message_name, self.message_name, 0, reason)
+                raise ValueError(reason)  # the library goes on with the next
+            cells.remaining -= size
+            super()._parse_format(message_formats) if cells.remaining > 0 else None
+
+    class BoundedULog(ULog):  # type: ignore[misc]
+        _MessageAddLogged = Subscription
+
+    file = BoundedULog(path)
+    cells.count_cells(0)
     several = {topic.name for topic in file.data_list if topic.multi_id > 0}
     for topic in file.data_list:
         columns = dict(topic.data)
@@ -511,6 +548,8 @@ def read_ulog(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     if sound_bytes < size:
         where = f"damaged, or cut short, at byte {sound_bytes:,} of {size:,}"
         log.remarks.append(f"the log is {where}: what the library finds intact is read")
+    elif file.file_corruption:
+        log.remarks.append("messages of topics, or of lengths, that the log does not define are left out")
     if file.dropouts:
         lost_s = sum(dropout.duration for dropout in file.dropouts) / 1000.0
         log.remarks.append(f"the autopilot could not write {len(file.dropouts):,} times, {lost_s:.1f} s together")
@@ -708,8 +747,9 @@ def read_tdms(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     with Path(path).open("rb") as stream:
         stated, end = _stated_in_tdms(stream)
     with Path(path).open("rb") as stream, TdmsFile.open(stream, raw_timestamps=True) as file:
+        cells.count_cells(sum(len(channel) for group in file.groups() for channel in group.channels()))
+        file._read_data(file._reader)  # at once: of one channel it passes over those before it, each time
         for group in file.groups():
-            cells.count_cells(sum(map(len, group.channels())))
             waveforms: dict[tuple[Any, ...], dict[str, tuple[Any, str, str]]] = {}
             has_times = any(  # a channel that states the times of the others, by its type or its name
                 len(channel) > 0 and (channel.dtype.kind == "M" or _TIME_NAME.search(channel.name.lower()))

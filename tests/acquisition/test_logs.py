@@ -1240,6 +1240,69 @@ def test_ulog_says_where_it_is_damaged(kind: str, tmp_path: Path) -> None:
 
 
 @IN_PROCESS
+@pytest.mark.parametrize(
+    ("types", "reason"),
+    [
+        (["a:uint64_t timestamp;a[2] x;"], "in itself"),
+        ([f"{name}:uint64_t timestamp;{nested}[1000] x;" for name, nested in ("ab", "bc", "cd")] + ["d:float y;"],
+         "longer than the 65,535 bytes"),
+        (["a:uint64_t timestamp;nowhere x;"], "not defined"),
+    ],
+)  # fmt: skip
+def test_ulog_leaves_out_types_that_no_message_can_have(types: list[str], reason: str, tmp_path: Path) -> None:
+    """pyulog listed every element of nested arrays, 10^9 of them, and lost the other topics of a type in itself."""
+    source = tmp_path / "trip.ulg"
+    log_trip.write_ulog(source, trip(20))
+    whole = source.read_bytes()
+    first = 16 + 3 + 40  # after the header and the flags
+    formats = b"".join(struct.pack("<HB", len(text), ord("F")) + text.encode() for text in types)
+    topic = struct.pack("<HBBH", 4, ord("A"), 0, 9) + b"a"
+    source.write_bytes(whole[:first] + formats + whole[first:] + topic)
+    form = log_format(source)
+    assert form is not None
+    log = read_log(source, form)
+    assert len(log.topics) == 4
+    assert reason in log.left_out["a"][2]
+
+
+@IN_PROCESS
+def test_ulog_says_that_messages_of_unknown_topics_are_left_out(tmp_path: Path) -> None:
+    source = tmp_path / "trip.ulg"
+    log_trip.write_ulog(source, trip(20))
+    form = log_format(source)
+    assert form is not None
+    assert not any("left out" in remark for remark in read_log(source, form).remarks)
+    with source.open("ab") as file:
+        file.write(struct.pack("<HBHQf", 14, ord("D"), 9, 21_000_000, 1.0))
+    assert any("does not define" in remark for remark in read_log(source, form).remarks)
+
+
+@IN_PROCESS
+def test_tdms_of_many_channels_is_read_in_one_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of one channel the library passes over all before it: 20,000 took more than a minute."""
+    from nptdms import ChannelObject, TdmsWriter
+    from nptdms.reader import TdmsReader
+
+    passes, read = [], TdmsReader.read_raw_data
+    monkeypatch.setattr(TdmsReader, "read_raw_data", lambda reader: passes.append(1) or read(reader))
+    monkeypatch.delattr(TdmsReader, "read_raw_data_for_channel")
+    about = {
+        "wf_start_time": np.datetime64("2026-05-17T12:00:00", "us"),
+        "wf_increment": 0.1,
+        "wf_start_offset": 0.0,
+    }
+    with TdmsWriter(tmp_path / "trip.tdms") as writer:
+        writer.write_segment(
+            [ChannelObject("ship", f"c{number}", number + np.arange(3.0), about) for number in range(50)]
+        )
+    form = log_format(tmp_path / "trip.tdms")
+    assert form is not None
+    log = read_log(tmp_path / "trip.tdms", form)
+    assert passes == [1]
+    assert [field.samples[0] for field in log.topics[0].fields.values()] == list(range(50))
+
+
+@IN_PROCESS
 @pytest.mark.parametrize("has_zero_start", [True, False])
 def test_waveform_without_a_start_gives_way_to_a_channel_of_times(has_zero_start: bool, tmp_path: Path) -> None:
     """LabVIEW writes an increment of 1 s, and a start of zero in 1904, for an array that has neither."""
