@@ -30,6 +30,7 @@ from typing import Any
 
 import numpy as np
 
+from seatrial.acquisition.core.times import names_tai
 from seatrial.acquisition.tables import foreign_reader, json_messages
 
 NANO, MICRO = 1_000_000_000, 1_000_000
@@ -919,7 +920,7 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
             log.leave_out(path, "", values.size, _NO_COLUMN)
             continue
         calendar = _decoded_text(attributes.get("calendar", foreign_reader.CALENDARS[0]))
-        if calendar.lower() not in foreign_reader.CALENDARS:
+        if calendar.lower() not in (*foreign_reader.CALENDARS, "tai"):
             log.leave_out(path, "", values.size, f"its times are of the calendar {calendar!r}")
             continue
         *above, name = _STROKES.split(path)
@@ -934,12 +935,7 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
                 log.leave_out(path, "", values.size, _NO_COLUMN)
         else:
             parts = {name: values}
-        unit = next(
-            (_decoded_text(attributes[key]) for key in ("units", "unit", "Units", "Unit") if key in attributes), ""
-        )
-        meaning = next(
-            (_decoded_text(attributes[key]) for key in ("long_name", "description") if key in attributes), ""
-        )
+        unit, meaning = _stated_unit_and_meaning(name, attributes)
         for field, column in parts.items():
             entry = (column / np.timedelta64(1, "ns"), "ns", meaning) if column.dtype.kind == "m" else (
                 _plain_cells(column), unit, meaning
@@ -956,6 +952,16 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
                 log.leave_out(f"{stem}/{field}".strip("/"), "", len(values), "without times")
         elif set(members) != set(shared):
             log.add_topic(stem, "", {**shared, **members})
+
+
+def _stated_unit_and_meaning(name: str, attributes: Mapping[str, Any]) -> tuple[str, str]:
+    """An array's unit and meaning by its attributes; the unit of times of TAI says so."""
+    texts = {key: _decoded_text(value) for key, value in attributes.items()}
+    unit = next((texts[key] for key in ("units", "unit", "Units", "Unit") if key in texts), "")
+    meaning = next((texts[key] for key in ("long_name", "description") if key in texts), "")
+    if _TIME_NAME.search(name.lower()) and any(map(names_tai, texts.values())) and not names_tai(unit):
+        unit = f"{unit} TAI".strip()
+    return unit, meaning
 
 
 def _split_columns(values: Any, attributes: Mapping[str, Any]) -> dict[str, Any]:

@@ -675,7 +675,10 @@ def _times_in_fields(
             remarks.append(f"of {key!r}, {error.what}")
             continue
         if since is not None:
-            fields = {**fields, key: log_frames.LogField(since.to_numpy(), "", entry.meaning)}
+            is_tai = times.names_tai(f"{key} {entry.unit} {entry.meaning}")
+            stamps, zone = (since.tz_localize(None), "TAI") if is_tai else (since, "")
+            fields = {**fields, key: log_frames.LogField(stamps.to_numpy(), zone, entry.meaning)}
+            remarks += filter(None, [table_files.gps_remark(key, entry.unit)])
     frame = pd.DataFrame({key: pd.Series(entry.samples) for key, entry in fields.items()})
     raw = table_files.RawTable(path, frame.infer_objects(), units=_unit_by_column(fields))
     draft = evidence.MappingDraft(raw, answers)

@@ -1464,6 +1464,22 @@ def test_durations_of_an_archive_count_from_a_start_that_is_answered(tmp_path: P
     np.testing.assert_array_equal(recording.series["heading_deg"].measured_ns, expected)
 
 
+@pytest.mark.parametrize(
+    ("unit", "about"),
+    [("s", {"timescale": "TAI"}), ("s TAI", {}), ("seconds since 1970-01-01", {"calendar": "tai"}),
+     ("seconds since 1970-01-01", {"description": "TAI"})],
+)  # fmt: skip
+def test_times_of_tai_in_hdf5_become_utc(unit: str, about: dict[str, str], tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    arrays = arrays_of_a_trip()
+    with h5py.File(tmp_path / "trip.h5", "w") as file:
+        file["time"], file["heading"] = arrays["time"], arrays["heading"]
+        file["time"].attrs.update({"units": unit, **about})
+    recording, proposal = import_log(tmp_path / "trip.h5", tmp_path)
+    assert recording.series["heading_deg"].measured_ns[0] == log_trip.START_NS // NANO * NANO - 37 * NANO
+    assert "37 s ahead of UTC" in str(proposal.warnings)
+
+
 @pytest.mark.parametrize("calendar", ["noleap", "standard"])
 def test_times_of_hdf5_are_of_the_calendar_that_it_states(calendar: str, tmp_path: Path) -> None:
     h5py = pytest.importorskip("h5py")
