@@ -443,7 +443,7 @@ class Derivation:
         self._variation_deg = variation_deg
         self._channels = channels_of_trial(trial)
         self._limits = {**self._channels, **{quantity: BY_NAME[channel] for quantity, channel in _KINDS.items()}}
-        self._headings: dict[str, trials.Sample] = {}  # by line, admitted or not
+        self._headings: dict[str, trials.Sample] = {}  # by line, admitted or not, of one compass
         self._ship: Quantities = {}  # the last of each that became the ship's channel
 
     @property
@@ -477,7 +477,8 @@ class Derivation:
             if heading is None and magnetic is not None and self._variation_deg is not None:
                 heading = _derived_sample(magnetic, "heading_deg", (magnetic.value + self._variation_deg) % 360.0)
             if heading is not None:
-                quantities["heading_deg"] = self._headings[_source_line(heading)] = heading
+                quantities["heading_deg"] = heading
+                self._remember_heading(heading)
         if not stated.isdisjoint(_VELOCITY):
             quantities.update(self._reference_point_velocity(quantities, mounting))
         derived = list(quantities.values())
@@ -486,6 +487,18 @@ class Derivation:
         if not stated.isdisjoint(_WIND):
             derived += self._wind_samples(quantities)
         return derived
+
+    def _remember_heading(self, heading: trials.Sample) -> None:
+        """Take note of a line's heading: the ship's where it comes from there, else that of the first compass.
+
+        Another compass of the line serves when that has been silent: what is derived must go by one of them.
+        """
+        line, channel = _source_line(heading), self._ship.get("heading_deg")
+        is_channels = channel is not None and _source_line(channel) == line
+        serving = channel if is_channels else self._headings.get(line)
+        is_other = serving is not None and serving.source != heading.source
+        if serving is None or not is_other or heading.monotonic_ns - serving.monotonic_ns > SILENT_NS:
+            self._headings[line] = heading
 
     def _correct_mounting_angles(self, group: trials.Group, mounting: Mounting) -> Iterator[trials.Sample]:
         """The samples, headings and bow-relative wind angles corrected for how their sensors are mounted."""
