@@ -15,7 +15,7 @@ from functools import lru_cache
 from itertools import chain
 from math import inf, radians
 
-from seatrial.acquisition.config.sources import AnySource, CanFrames, Mounting, MqttLinks
+from seatrial.acquisition.config.sources import AnySource, CanFrames, MavlinkLinks, Mounting, MqttLinks
 from seatrial.acquisition.config.trial_file import TrialConfig
 from seatrial.acquisition.core import quantities
 from seatrial.acquisition.core import trial as trials
@@ -288,7 +288,7 @@ class Selector:
     """Lets one source a channel through, so that a channel never mixes two sensors sample by sample.
 
     The order of the configuration's sources is the order of preference, and within a bus the order of its devices;
-    of an MQTT broker's a channel's own topic goes before sentences. A position by satellites is preferred to any
+    of an MQTT broker's a channel's own topic goes before sentences, of a vehicle its autopilot before a companion. A position by satellites is preferred to any
     other, and among substitutes of the first the better fix, by ``fixes``: what each sensor's receiver
     says of its fix, by GGA's numbers. Of two messages the finer one has it, and what needs less derivation. What
     is equal in all this, two devices that are not listed, say, is decided by who came first, until that has been
@@ -325,6 +325,7 @@ class Selector:
             for channel, entry in source.values.items()
             if channel not in POSITION
         }
+        self._vehicles = {source.name for source in sources if isinstance(source, MavlinkLinks)}
         self._first_line: dict[str, int] = {}
         for (_, quantity), rank in self._lines.items():
             self._first_line[quantity] = min(rank, self._first_line.get(quantity, rank))
@@ -403,6 +404,8 @@ class Selector:
             device_rank = self._devices.get((line, device.partition("@")[0]), len(self._devices))
             if (line, device, quantity) in self._mapped:
                 device_rank = -1
+            if line in self._vehicles and "." in device.partition("@")[0]:
+                device_rank += 1
             rank = False, False, 0, line_rank, device_rank, choice
             if quantity in POSITION:
                 lists_devices = device_rank > 0 and line in self._lists_devices
