@@ -287,12 +287,12 @@ class _Holder:
 class Selector:
     """Lets one source a channel through, so that a channel never mixes two sensors sample by sample.
 
-    The order of the configuration's sources is the order of preference, and within a bus the order of its devices;
-    of an MQTT broker's a channel's own topic goes before sentences, of a vehicle its autopilot before a companion. A position by satellites is preferred to any
-    other, and among substitutes of the first the better fix, by ``fixes``: what each sensor's receiver
-    says of its fix, by GGA's numbers. Of two messages the finer one has it, and what needs less derivation. What
-    is equal in all this, two devices that are not listed, say, is decided by who came first, until that has been
-    silent for ``patience_ns``.
+    The order of the configuration's sources is the order of preference, and within a bus the order of its
+    devices; of an MQTT broker's a channel's own topic goes before sentences, of a vehicle its autopilot before
+    a companion. A position by satellites is preferred to any other, and among substitutes of the first the
+    better fix, by ``fixes``: what each sensor's receiver says of its fix, by GGA's numbers. Of two messages the
+    finer one has it, and what needs less derivation. What is equal in all this, two devices that are not
+    listed, say, is decided by who came first, until that has been silent for ``patience_ns``.
 
     The talkers of satellite receivers are names of one receiver, which may change from one fix to the next, until
     two of them send the same thing concurrently. Every line may provide what is listed ``anywhere``, after those

@@ -19,7 +19,7 @@ import shutil
 import sys
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
 from functools import cache
@@ -49,7 +49,7 @@ _LARGE, _NO_COLUMN = "no channels of a ship", "no column of numbers or text"
 _TIME_NAME = re.compile(r"(?:^|[\W_])(?:t|times?|timestamps?|stamp|utc|datetime|epoch|ts)(?:$|[\W_])")
 _CLOCK = re.compile(r"\s*\d{1,2}:\d\d")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d{1,18}(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?\s*", re.ASCII)
-_EARLIEST_EPOCH_S = 3e8  # 1979
+_EARLIEST_EPOCH_S, _LATEST_EPOCH_S = 3e8, 4e9  # 1979, 2096
 _ZSTD = b"\x28\xb5\x2f\xfd"
 ABOUT_TOPIC = "/seatrial"
 """The topic of a bag that this product has exported which has the text of its metadata."""
@@ -71,23 +71,25 @@ _TIME_PARTS = (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs"), ("seconds
 class TopicBuilder:
     """The samples of one topic while messages come in: times, and a column for each numeric field [n].
 
-    ``log_ns`` are the times at which messages were recorded, ``stamp_ns`` those that they state themselves, 0
-    without; ``moments`` are times of a form that is not known yet.
+    ``log_ns`` are the times at which messages were recorded, ``published_ns`` at which they were sent, ``stamp_ns``
+    those that they state themselves, 0 without; ``moments`` are times of a form that is not known yet. ``stated``
+    are units and meanings by their schema, by path.
     """
 
-    def __init__(self, name: str, kind: str) -> None:
-        self.name, self.kind, self.count = name, kind, 0
-        self.log_ns, self.stamp_ns = array("q"), array("q")
+    def __init__(self, name: str, kind: str, stated: Mapping[str, tuple[str, str]]) -> None:
+        self.name, self.kind, self.count, self.stated = name, kind, 0, stated
+        self.log_ns, self.published_ns, self.stamp_ns = array("q"), array("q"), array("q")
         self.moments: list[Any] = []
         self.columns: dict[str, array[float]] = {}
         self.frames: dict[str, str] = {}
 
-    def add(self, message: Any, log_ns: int = 0, moment: Any = None) -> int:
+    def add(self, message: Any, log_ns: int = 0, moment: Any = None, published_ns: int = 0) -> int:
         """Add a message; returns the number of its numbers."""
         numbers: list[tuple[str, float]] = []
         _flatten(message, "", numbers)
         stamp_ns = _stamp_ns(message)
         self.log_ns.append(log_ns)
+        self.published_ns.append(published_ns if published_ns < 2**63 else 0)
         self.stamp_ns.append(stamp_ns)
         self.moments.append(moment)
         for path, value in numbers:
@@ -110,8 +112,11 @@ class TopicBuilder:
 
     def as_topic(self) -> dict[str, Any]:
         """The topic as the parent process takes it."""
-        columns = {path: (np.array(column), "", "") for path, column in self.columns.items()}
-        times = {"log": np.array(self.log_ns, dtype=np.int64), "stamp": np.array(self.stamp_ns, dtype=np.int64)}
+        columns = {
+            path: (np.array(column), *self.stated.get(path, ("", ""))) for path, column in self.columns.items()
+        }
+        of_clocks = {"log": self.log_ns, "published": self.published_ns, "stamp": self.stamp_ns}
+        times = {clock: np.array(ns, dtype=np.int64) for clock, ns in of_clocks.items()}
         if any(moment is not None for moment in self.moments):
             columns = {"time": (_cell_array(self.moments), "", ""), **columns}
         clocks = {clock: ns for clock, ns in times.items() if ns.any()}
@@ -128,19 +133,22 @@ class LogContent:
         self.topics: list[dict[str, Any]] = []
         self.left_out: dict[str, tuple[str, int, str]] = {}
         self.undecoded: dict[str, int] = {}
+        self.stated: dict[tuple[str, str], dict[str, tuple[str, str]]] = {}
         self.remarks: list[str] = []
         self.about = ""
         self.parameters: dict[str, float] = {}
 
-    def add_message(self, name: str, kind: str, message: Any, log_ns: int = 0, moment: Any = None) -> None:
+    def add_message(
+        self, name: str, kind: str, message: Any, log_ns: int = 0, moment: Any = None, published_ns: int = 0
+    ) -> None:
         """Add a message to its topic; that of :data:`ABOUT_TOPIC` says what the log is."""
         if name == ABOUT_TOPIC and isinstance(text := getattr(message, "data", None), str):
             self.about = text
             return
         builder = self.builders.get((name, kind))
         if builder is None:
-            builder = self.builders[name, kind] = TopicBuilder(name, kind)
-        self.cells.count_cells(1 + builder.add(message, log_ns, moment))
+            builder = self.builders[name, kind] = TopicBuilder(name, kind, self.stated.get((name, kind), {}))
+        self.cells.count_cells(1 + builder.add(message, log_ns, moment, published_ns))
 
     def add_topic(self, *parts: Any) -> None:
         """Add a topic whose columns are there already."""
@@ -250,6 +258,25 @@ def _stamp_ns(message: Any) -> int:
         parts = _members(stamp)
         if parts is not None and (stated := _time_of_parts(dict(parts))) is not None:
             return stated if 0 <= stated < 2**63 else 0
+        if parts is None and (moment_ns := _moment_ns(stamp)):
+            return moment_ns
+    return _moment_ns(_stated_moment(message)[1]) if isinstance(message, dict) else 0
+
+
+def _moment_ns(moment: Any) -> int:
+    """A text with its zone, or a number of s, ms, us or ns, as ns since 1970; 0 for any other."""
+    if isinstance(moment, str):
+        try:
+            stated = datetime.fromisoformat(moment.strip())
+        except ValueError:
+            return 0
+        since = stated - datetime.fromtimestamp(0, UTC) if stated.tzinfo else timedelta(0)
+        return max(since // timedelta(microseconds=1), 0) * 1000
+    if type(moment) in (int, float):
+        for unit_ns in (NANO, MICRO, 1000, 1):
+            if _EARLIEST_EPOCH_S < moment * unit_ns / NANO < _LATEST_EPOCH_S:
+                time_ns: int = round(moment * 1e6) * 1000 if unit_ns == NANO else round(moment * unit_ns)
+                return time_ns
     return 0
 
 
@@ -391,7 +418,13 @@ def _is_large(kind: str) -> bool:
 
 
 def _add_decoded(
-    log: LogContent, topic: str, kind: str, log_ns: int, data: Any, decode: Callable[[str, Any], Any]
+    log: LogContent,
+    topic: str,
+    kind: str,
+    log_ns: int,
+    data: Any,
+    decode: Callable[[str, Any], Any],
+    published_ns: int = 0,
 ) -> None:
     """Decode a message and add it; a topic whose type is not known is left out."""
     if topic in log.left_out and log.left_out[topic][2].startswith("its type"):
@@ -409,7 +442,7 @@ def _add_decoded(
             )
         log.undecoded[topic] = log.undecoded.get(topic, 0) + 1
         return None
-    return log.add_message(topic, kind, message, log_ns)
+    return log.add_message(topic, kind, message, log_ns, published_ns=published_ns)
 
 
 @dataclass(slots=True)
@@ -436,12 +469,15 @@ def _read_mcap(path: Path, log: LogContent) -> None:
                 if isinstance(record, Schema):
                     schemas[record.id] = record
                 elif isinstance(record, Channel) and record.id not in channels:
-                    channels[record.id] = _mcap_channel(record, schemas.get(record.schema_id), stores)
+                    schema = schemas.get(record.schema_id)
+                    channel = channels[record.id] = _mcap_channel(record, schema, stores)
+                    log.stated[channel.topic, channel.kind] = _stated_in_json_schema(schema)
                 elif isinstance(record, Message):
                     channel = channels[record.channel_id]
                     channel.count += 1
                     if channel.decode is not None:
-                        _add_decoded(log, channel.topic, channel.kind, record.log_time, record.data, channel.decode)
+                        about = channel.topic, channel.kind, record.log_time, record.data, channel.decode
+                        _add_decoded(log, *about, record.publish_time)
         except (MemoryError, foreign_reader.RefusedError):
             raise
         except Exception as error:  # the library promises no set of errors for a broken file
@@ -465,6 +501,26 @@ def _mcap_channel(record: Any, schema: Any, stores: dict[str, RosTypes]) -> Mcap
     decode = _mcap_decoder(encoding, schema, stores)
     reason = "" if decode else f"its encoding, {encoding or 'unnamed'}, is not read"
     return McapChannel(record.topic, kind, decode, reason)
+
+
+def _stated_in_json_schema(schema: Any) -> dict[str, tuple[str, str]]:
+    """The units and descriptions of a JSON schema by the path of its numbers; empty for another schema."""
+    stated = dict[str, tuple[str, str]]()
+
+    def visit(node: Any, path: str, depth: int) -> None:
+        if not isinstance(node, dict) or depth > _MOST_NESTED:
+            return
+        texts = [str(node[key]) for key in ("unit", "units", "description") if isinstance(node.get(key), str)]
+        if path and texts:
+            stated[path] = texts[0] if "unit" in node or "units" in node else "", str(node.get("description", ""))
+        properties = node.get("properties")
+        for name, member in properties.items() if isinstance(properties, dict) else ():
+            visit(member, f"{path}.{name}" if path else str(name), depth + 1)
+
+    if schema is not None and schema.encoding == "jsonschema":
+        with suppress(ValueError):
+            visit(json.loads(schema.data), "", 0)
+    return stated
 
 
 def _mcap_decoder(encoding: str, schema: Any, stores: dict[str, RosTypes]) -> Callable[[str, Any], Any] | None:

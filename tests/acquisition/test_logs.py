@@ -574,6 +574,64 @@ def test_stamps_that_cannot_be_times_give_way_to_those_of_the_log(
     np.testing.assert_array_equal(topic.time_ns, ns - 5_000_000 if clock == "header stamp" else ns)
 
 
+def json_mcap(path: Path, properties: dict[str, Any], message: Callable[[int], dict[str, Any]], lag_ns: int) -> Any:
+    """The log of an MCAP file of JSON messages that were published ``lag_ns`` before they were logged."""
+    from mcap.writer import Writer
+
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("Nav", "jsonschema", json.dumps({"properties": properties}).encode())
+        channel = writer.register_channel("/nav", "json", schema)
+        for index in range(60):
+            ns = (log_trip.START_NS // NANO + index) * NANO
+            writer.add_message(channel, ns, json.dumps(message(ns)).encode(), publish_time=ns - lag_ns)
+        writer.finish()
+    form = log_format(path)
+    assert form is not None
+    (topic,) = read_log(path, form).topics
+    return topic
+
+
+@IN_PROCESS
+@pytest.mark.parametrize(
+    "stated",
+    [
+        lambda ns: {"timestamp": ns / 1e9}, lambda ns: {"timestamp": ns // 10**6}, lambda ns: {"timestamp_ns": ns},
+        lambda ns: {"utc_time": dt.datetime.fromtimestamp(ns // NANO, dt.UTC).isoformat()}, None,
+    ],
+    ids=["s", "ms", "ns", "text", "published"],
+)  # fmt: skip
+def test_messages_of_json_are_dated_by_their_own_stamps(stated: Any, tmp_path: Path) -> None:
+    """Or by when they were published: they had the times of the log, into which they came 3 s later."""
+    lag_ns = 3 * NANO
+    message = (lambda ns: {"heading": 1.0} | stated(ns - lag_ns)) if stated else lambda ns: {"heading": 1.0}
+    topic = json_mcap(tmp_path / "trip.mcap", {}, message, 0 if stated else lag_ns)
+    assert topic.time_ns.tolist() == [log_trip.START_NS // NANO * NANO + k * NANO - lag_ns for k in range(60)]
+    assert topic.clock == ("header stamp" if stated else "publish time")
+    assert "3.000 s behind the log's times" in " ".join(topic.remarks)
+
+
+@IN_PROCESS
+@pytest.mark.parametrize(
+    ("about", "unit", "meaning"),
+    [
+        ({"description": "Speed through water [kn]"}, "kn", "Speed through water"),
+        ({"description": "kn"}, "knots", "speed"),
+        ({"unit": "kn"}, "kn", "speed"),
+        ({"unit": "kn", "description": "Speed over ground"}, "kn", "Speed over ground"),
+        ({}, "", "speed"),
+    ],
+)
+def test_units_and_meanings_of_a_json_schema_are_read(
+    about: dict[str, str], unit: str, meaning: str, tmp_path: Path
+) -> None:
+    """Speed through water had become speed over ground."""
+    properties = {"log": {"type": "object", "properties": {"speed": about}}}
+    topic = json_mcap(tmp_path / "trip.mcap", properties, lambda ns: {"log": {"speed": 4.0}}, 0)
+    assert (topic.fields["log.speed"].unit, topic.fields["log.speed"].meaning) == (unit, meaning)
+
+
 @IN_PROCESS
 def test_several_bags_of_one_trip_are_one_log(tmp_path: Path) -> None:
     truth = trip(300)
