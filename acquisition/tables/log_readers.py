@@ -232,8 +232,14 @@ def _flatten(value: Any, path: str, numbers: list[tuple[str, float]], depth: int
             _flatten(member, below, numbers, depth + 1)
         return
     if hasattr(value, "__len__") and len(value) <= _MOST_ELEMENTS:
-        for number, item in enumerate(value):
-            _flatten(item, f"{path}[{number}]", numbers, depth + 1)
+        has_members = len(value) > 0 and _members(value[0]) is not None
+        names = [dict(_members(item) or ()).get("name") for item in value] if has_members else []
+        are_names = _is_list_of_text(names) and "" not in names and len(set(names)) == len(names)
+        labels = (
+            [re.sub(r"[^\w-]", "_", str(name)) for name in names] if are_names else [*map(str, range(len(value)))]
+        )
+        for label, item in zip(labels, value, strict=True):
+            _flatten(item, f"{path}[{label}]", numbers, depth + 1)
 
 
 def _is_list_of_text(value: Any) -> bool:
@@ -498,7 +504,14 @@ def _mcap_channel(record: Any, schema: Any, stores: dict[str, RosTypes]) -> Mcap
     kind, encoding = schema.name if schema else "", record.message_encoding
     if _is_large(kind):
         return McapChannel(record.topic, kind, None, _LARGE)
-    decode = _mcap_decoder(encoding, schema, stores)
+    try:
+        decode = _mcap_decoder(encoding, schema, stores)
+    except MemoryError:
+        raise
+    except Exception as error:  # of the libraries: the other channels are right
+        return McapChannel(
+            record.topic, kind, None, f"its schema is broken, or lacks what it imports ({error})"[:160]
+        )
     reason = "" if decode else f"its encoding, {encoding or 'unnamed'}, is not read"
     return McapChannel(record.topic, kind, decode, reason)
 

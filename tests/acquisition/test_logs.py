@@ -633,6 +633,45 @@ def test_units_and_meanings_of_a_json_schema_are_read(
 
 
 @IN_PROCESS
+def test_entries_of_a_list_go_by_their_names(tmp_path: Path) -> None:
+    """By their places port and starboard were mixed where their order changes."""
+    engines = [{"name": "port", "rpm": 600.0}, {"name": "starboard", "rpm": -500.0}]
+    topic = json_mcap(
+        tmp_path / "trip.mcap", {}, lambda ns: {"engines": engines[:: -1 if ns // NANO % 2 else 1]}, 0
+    )
+    assert {path: set(field.samples) for path, field in topic.fields.items()} == {
+        "engines[port].rpm": {600.0}, "engines[starboard].rpm": {-500.0},
+    }  # fmt: skip
+
+
+@IN_PROCESS
+def test_broken_schema_costs_its_own_channel_alone(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    with (tmp_path / "trip.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channels = [
+            writer.register_channel(topic, encoding, writer.register_schema(topic, form, data))
+            for topic, encoding, form, data in (
+                ("/bad", "protobuf", "protobuf", b"\xff\xff\x01"), ("/good", "json", "jsonschema", b"{}"),
+            )
+        ]  # fmt: skip
+        for index in range(20):
+            for channel in channels:
+                writer.add_message(
+                    channel, log_trip.START_NS + index, b'{"heading": 1.0}', log_trip.START_NS + index
+                )
+        writer.finish()
+    form = log_format(tmp_path / "trip.mcap")
+    assert form is not None
+    log = read_log(tmp_path / "trip.mcap", form)
+    assert [topic.name for topic in log.topics] == ["/good"]
+    assert log.left_out["/bad"][1] == 20
+    assert "schema is broken" in log.left_out["/bad"][2]
+
+
+@IN_PROCESS
 def test_several_bags_of_one_trip_are_one_log(tmp_path: Path) -> None:
     truth = trip(300)
     halves = [
