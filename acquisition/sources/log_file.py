@@ -556,11 +556,7 @@ class LogClock:
             )
         self._learn_start_time(timed, changed_ns)
         for entry in head:
-            lines = nmea0183.split_into_sentences_and_rest(entry.payload) if entry.protocol == "nmea0183" else ()
-            if any(
-                _correct_rollover_or_none(time_ns) not in (None, time_ns)
-                for time_ns in map(_utc_ns_stated_by_sentence, lines)
-            ):
+            if any(_correct_rollover_or_none(time_ns) not in (None, time_ns) for time_ns in _written_utc_ns(entry)):
                 date = trial.iso_utc(utc_ns_stated_by_entry(entry) or 0)[:10]
                 self.remark = f"a receiver's weeks have rolled over: its date is 1,024 weeks back, {date} is taken"
                 break
@@ -673,19 +669,18 @@ def _round_to_midnight_ns(time_ns: int) -> int:
 
 def utc_ns_stated_by_entry(entry: LogEntry) -> int | None:
     """The UTC that a message or a sentence states [ns since 1970]; None for any other."""
+    stated = map(_correct_rollover_or_none, _written_utc_ns(entry))
+    return next((utc for utc in stated if utc is not None), None)
+
+
+def _written_utc_ns(entry: LogEntry) -> Iterable[int | None]:
+    """The times that stand in an entry, also of a receiver whose weeks have rolled over."""
     if entry.protocol == "nmea0183":
-        stated = (
-            _correct_rollover_or_none(time_ns)
-            for time_ns in map(_utc_ns_stated_by_sentence, nmea0183.split_into_sentences_and_rest(entry.payload))
-        )
-        return next((utc for utc in stated if utc is not None), None)
+        return map(_utc_ns_stated_by_sentence, nmea0183.split_into_sentences_and_rest(entry.payload))
     group = nmea2000.split_can_identifier(entry.identifier)[0]
     is_position = group == nmea2000.GNSS_POSITION and entry.flags == trial.FrameFlag.WHOLE
     is_clock = group in (nmea2000.SYSTEM_TIME, nmea2000.TIME_AND_DATE) and not entry.flags & ~trial.FrameFlag.WHOLE
-    if not is_position and not is_clock:
-        return None
-    stated_ns = nmea2000.group_utc_ns(nmea2000.Message(group, entry.payload))
-    return stated_ns if stated_ns is not None and clock.is_possible_time(stated_ns) else None
+    return [nmea2000.group_utc_ns(nmea2000.Message(group, entry.payload))] if is_position or is_clock else []
 
 
 def _day_time_ns_stated_by_entry(entry: LogEntry) -> int | None:

@@ -277,6 +277,23 @@ def test_a_gateway_whose_clock_was_never_set_takes_the_buss(tmp_path: Path) -> N
     assert [frame.received_ns for frame in frames] == [f.time_ns for f in FRAMES]
 
 
+def test_weeks_of_a_bus_that_have_rolled_over_date_a_log_and_are_said(tmp_path: Path) -> None:
+    """Of a log whose own times count from its beginning; it was dated by the moment of reading."""
+    lines = []
+    for frame in FRAMES:
+        payload = frame.payload
+        if frame.identifier >> 8 & 0x1FFFF == 126992:
+            payload = (
+                payload[:2] + struct.pack("<H", int.from_bytes(payload[2:4], "little") - 7 * 1024) + payload[4:]
+            )
+        if frame.identifier >> 8 & 0x1FFFF != 129029:
+            since = f"({(frame.time_ns - START_NS) / 1e9:.6f})"
+            lines.append(f"{since} can0 {frame.identifier:08X}#{payload.hex().upper()}")
+    frames, source = read(written(tmp_path, "\n".join(lines).encode()))
+    assert "weeks have rolled over" in source.remark
+    assert abs(frames[0].received_ns - START_NS) < SECOND
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [
