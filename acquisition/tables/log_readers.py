@@ -47,6 +47,7 @@ _LARGE_TYPES = frozenset({
 """Types of messages, by their last name, that hold no channel of a ship and take most of a bag's bytes."""
 _LARGE, _NO_COLUMN = "no channels of a ship", "no column of numbers or text"
 _TIME_NAME = re.compile(r"(?:^|[\W_])(?:t|times?|timestamps?|stamp|utc|datetime|epoch|ts)(?:$|[\W_])")
+_CLOCK_NAME = re.compile(r"(?:^|[\W_])(?:tai|gpst?|gpstime|local|localtime|lt)(?:$|[\W_])", re.IGNORECASE)
 _CLOCK = re.compile(r"\s*\d{1,2}:\d\d")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d{1,18}(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?\s*", re.ASCII)
 _EARLIEST_EPOCH_S, _LATEST_EPOCH_S = 3e8, 4e9  # 1979, 2096
@@ -78,6 +79,7 @@ class TopicBuilder:
 
     def __init__(self, name: str, kind: str, stated: Mapping[str, tuple[str, str]]) -> None:
         self.name, self.kind, self.count, self.stated = name, kind, 0, stated
+        self.moment_name = "time"
         self.log_ns, self.published_ns, self.stamp_ns = array("q"), array("q"), array("q")
         self.moments: list[Any] = []
         self.columns: dict[str, array[float]] = {}
@@ -118,7 +120,7 @@ class TopicBuilder:
         of_clocks = {"log": self.log_ns, "published": self.published_ns, "stamp": self.stamp_ns}
         times = {clock: np.array(ns, dtype=np.int64) for clock, ns in of_clocks.items()}
         if any(moment is not None for moment in self.moments):
-            columns = {"time": (_cell_array(self.moments), "", ""), **columns}
+            columns = {self.moment_name: (_cell_array(self.moments), "", ""), **columns}
         clocks = {clock: ns for clock, ns in times.items() if ns.any()}
         return _topic_as_dict(self.name, self.kind, columns, clocks, self.frames, self.count)
 
@@ -139,7 +141,14 @@ class LogContent:
         self.parameters: dict[str, float] = {}
 
     def add_message(
-        self, name: str, kind: str, message: Any, log_ns: int = 0, moment: Any = None, published_ns: int = 0
+        self,
+        name: str,
+        kind: str,
+        message: Any,
+        log_ns: int = 0,
+        moment: Any = None,
+        published_ns: int = 0,
+        moment_key: str = "",
     ) -> None:
         """Add a message to its topic; that of :data:`ABOUT_TOPIC` says what the log is."""
         if name == ABOUT_TOPIC and isinstance(text := getattr(message, "data", None), str):
@@ -148,6 +157,8 @@ class LogContent:
         builder = self.builders.get((name, kind))
         if builder is None:
             builder = self.builders[name, kind] = TopicBuilder(name, kind, self.stated.get((name, kind), {}))
+        if _CLOCK_NAME.search(moment_key):
+            builder.moment_name = moment_key
         self.cells.count_cells(1 + builder.add(message, log_ns, moment, published_ns))
 
     def add_topic(self, *parts: Any) -> None:
@@ -266,7 +277,8 @@ def _stamp_ns(message: Any) -> int:
             return stated if 0 <= stated < 2**63 else 0
         if parts is None and (moment_ns := _moment_ns(stamp)):
             return moment_ns
-    return _moment_ns(_stated_moment(message)[1]) if isinstance(message, dict) else 0
+    key, moment = _stated_moment(message) if isinstance(message, dict) else ("", None)
+    return 0 if _CLOCK_NAME.search(key) else _moment_ns(moment)  # of another clock than UTC
 
 
 def _moment_ns(moment: Any) -> int:
@@ -1151,9 +1163,9 @@ def _add_object(log: LogContent, entry: dict[str, Any]) -> None:
     inner = next((content[key] for key in _VALUE_KEYS if isinstance(content.get(key), dict)), None)
     if inner is not None and len(content) <= 2:
         inner_key, inner_moment = _stated_moment(inner) if moment is None else ("", None)
-        moment = moment if inner_moment is None else inner_moment
+        moment_key, moment = (moment_key, moment) if inner_moment is None else (inner_key, inner_moment)
         content = {key: value for key, value in inner.items() if key != inner_key}
-    log.add_message(topic, "", content, 0, moment)
+    log.add_message(topic, "", content, 0, moment, moment_key=moment_key)
 
 
 def _stated_moment(members: Mapping[str, Any]) -> tuple[str, Any]:

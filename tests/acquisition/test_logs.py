@@ -633,6 +633,24 @@ def test_units_and_meanings_of_a_json_schema_are_read(
 
 
 @IN_PROCESS
+@pytest.mark.parametrize(("key", "ahead_s"), [("time_tai", 37), ("gps_time", 18), ("time", 0)])
+@pytest.mark.parametrize("in_mcap", [True, False])
+def test_clock_of_a_json_time_is_known_by_its_name(in_mcap: bool, key: str, ahead_s: int, tmp_path: Path) -> None:
+    """The column of times was called time, whatever the name was: 37 s and 18 s off."""
+    truth = log_trip.START_NS // NANO * NANO + np.arange(60) * NANO
+    if in_mcap:  # where the log's times are UTC
+        topic = json_mcap(tmp_path / "a.mcap", {}, lambda ns: {"heading": 1.0, key: ns / 1e9 + ahead_s}, 0)
+    else:
+        moments = [dt.datetime.fromtimestamp(int(ns) // NANO + ahead_s, dt.UTC) for ns in truth]
+        lines = [json.dumps({key: f"{moment:%Y-%m-%dT%H:%M:%S}", "heading": 1.0}) for moment in moments]
+        (tmp_path / "a.jsonl").write_text("\n".join(lines))
+        form = log_format(tmp_path / "a.jsonl")
+        assert form is not None
+        (topic,) = read_log(tmp_path / "a.jsonl", form).topics
+    np.testing.assert_array_equal(topic.time_ns, truth)
+
+
+@IN_PROCESS
 def test_entries_of_a_list_go_by_their_names(tmp_path: Path) -> None:
     """By their places port and starboard were mixed where their order changes."""
     engines = [{"name": "port", "rpm": 600.0}, {"name": "starboard", "rpm": -500.0}]
