@@ -595,7 +595,7 @@ def read_ulog(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """The topics of PX4's log, with times since the autopilot's start."""
     from pyulog import ULog
 
-    log, sizes = LogContent(cells), dict[str, int]()
+    log, sizes, size = LogContent(cells), dict[str, int](), Path(path).stat().st_size
     basic = {kind: ULog.get_field_size(kind) for kind in ULog._UNPACK_TYPES}
 
     class Subscription(ULog._MessageAddLogged):  # type: ignore[misc]
@@ -604,17 +604,22 @@ def read_ulog(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
         def _parse_format(self, message_formats: Mapping[str, Any]) -> None:
             if not sizes:
                 sizes.update(_bytes_of_ulog_types(message_formats, basic))
-            size = sizes.get(self.message_name)
-            if size is None or size > _LONGEST_ULOG_MESSAGE:
+            length = sizes.get(self.message_name)
+            if length is None or length > _LONGEST_ULOG_MESSAGE:
                 kind = f"its type is longer than the {_LONGEST_ULOG_MESSAGE:,} bytes of a message"
-                reason = kind if size else "its type is not defined, nested too deep, or in itself"
+                reason = kind if length else "its type is not defined, nested too deep, or in itself"
                 log.leave_out(self.message_name, self.message_name, 0, reason)
                 raise ValueError(reason)  # the library goes on with the next
-            cells.remaining -= size
+            cells.remaining -= length
             super()._parse_format(message_formats) if cells.remaining > 0 else None
 
     class BoundedULog(ULog):  # type: ignore[misc]
         _MessageAddLogged = Subscription
+
+        def _check_packet_corruption(self, header: Any) -> bool:
+            if self._file_handle.tell() >= size:  # it would go back by more than it has read, without end
+                raise ValueError("a message is cut off")
+            return bool(super()._check_packet_corruption(header))
 
     file = BoundedULog(path)
     cells.count_cells(0)
@@ -626,7 +631,7 @@ def read_ulog(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
         name = f"{topic.name}[{topic.multi_id}]" if topic.name in several else topic.name
         fields = {field: (values, "", "") for field, values in columns.items() if "_padding" not in field}
         log.add_topic(name, topic.name, fields, {"boot": boot_ns})
-    size, sound_bytes = Path(path).stat().st_size, _sound_bytes_of_ulog(path)
+    sound_bytes = _sound_bytes_of_ulog(path)
     if sound_bytes < size:
         where = f"damaged, or cut short, at byte {sound_bytes:,} of {size:,}"
         log.remarks.append(f"the log is {where}: what the library finds intact is read")

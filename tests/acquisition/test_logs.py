@@ -1381,6 +1381,16 @@ def test_ulog_leaves_out_types_that_no_message_can_have(types: list[str], reason
 
 
 @IN_PROCESS
+def test_ulog_that_ends_within_a_broken_definition_is_refused(tmp_path: Path) -> None:
+    """pyulog went back by more than it had read, and never came to the end."""
+    source = tmp_path / "trip.ulg"
+    log_trip.write_ulog(source, trip(20))
+    source.write_bytes(source.read_bytes()[: 16 + 3 + 40] + struct.pack("<HB", 20_000, 0) + bytes(300))
+    with pytest.raises(InputError, match="holds no topic"):
+        read_log(source, log_format(source))  # type: ignore[arg-type]
+
+
+@IN_PROCESS
 def test_ulog_says_that_messages_of_unknown_topics_are_left_out(tmp_path: Path) -> None:
     source = tmp_path / "trip.ulg"
     log_trip.write_ulog(source, trip(20))
