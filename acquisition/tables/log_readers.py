@@ -627,6 +627,9 @@ def read_ulog(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     for topic in file.data_list:
         columns = dict(topic.data)
         cells.count_cells(sum(map(len, columns.values())))
+        if "timestamp" not in columns:
+            log.leave_out(topic.name, topic.name, max(map(len, columns.values()), default=0), "without times")
+            continue
         boot_ns = np.minimum(columns.pop("timestamp"), _LATEST_US).astype(np.int64) * 1000
         name = f"{topic.name}[{topic.multi_id}]" if topic.name in several else topic.name
         fields = {field: (values, "", "") for field, values in columns.items() if "_padding" not in field}

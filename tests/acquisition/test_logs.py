@@ -1362,6 +1362,7 @@ def test_ulog_says_where_it_is_damaged(kind: str, tmp_path: Path) -> None:
         ([f"{name}:uint64_t timestamp;{nested}[1000] x;" for name, nested in ("ab", "bc", "cd")] + ["d:float y;"],
          "longer than the 65,535 bytes"),
         (["a:uint64_t timestamp;nowhere x;"], "not defined"),
+        (["a:uint64_t time;float x;"], "without times"),
     ],
 )  # fmt: skip
 def test_ulog_leaves_out_types_that_no_message_can_have(types: list[str], reason: str, tmp_path: Path) -> None:
@@ -1371,7 +1372,7 @@ def test_ulog_leaves_out_types_that_no_message_can_have(types: list[str], reason
     whole = source.read_bytes()
     first = 16 + 3 + 40  # after the header and the flags
     formats = b"".join(struct.pack("<HB", len(text), ord("F")) + text.encode() for text in types)
-    topic = struct.pack("<HBBH", 4, ord("A"), 0, 9) + b"a"
+    topic = struct.pack("<HBBH", 4, ord("A"), 0, 9) + b"a" + struct.pack("<HBHQf", 14, ord("D"), 9, 1, 1.0)
     source.write_bytes(whole[:first] + formats + whole[first:] + topic)
     form = log_format(source)
     assert form is not None
@@ -1386,7 +1387,7 @@ def test_ulog_that_ends_within_a_broken_definition_is_refused(tmp_path: Path) ->
     source = tmp_path / "trip.ulg"
     log_trip.write_ulog(source, trip(20))
     source.write_bytes(source.read_bytes()[: 16 + 3 + 40] + struct.pack("<HB", 20_000, 0) + bytes(300))
-    with pytest.raises(InputError, match="holds no topic"):
+    with pytest.raises(ValueError, match="holds no topic"):
         read_log(source, log_format(source))  # type: ignore[arg-type]
 
 
