@@ -680,7 +680,18 @@ def read_dataflash(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any
         if _FORMAT_LINE.search(head) is None:
             raise foreign_reader.RefusedError("it does not begin as a DataFlash log of ArduPilot")
         return _read_dataflash_text(path, cells)
-    reader, log = DFReader_binary(path), LogContent(cells)
+
+    class Reader(DFReader_binary):  # type: ignore[misc]
+        offset: int
+
+        def _parse_next(self) -> Any:
+            begin, message = self.offset, super()._parse_next()
+            self.offset = max(
+                self.offset, begin + 1
+            )  # a message that states no length would come again without end
+            return message
+
+    reader, log = Reader(path), LogContent(cells)
     names = {number: entry.name for number, entry in reader.formats.items()}
     counts = {names[number]: len(offsets) for number, offsets in enumerate(reader.offsets) if len(offsets)}
     for kind, count in counts.items():
@@ -706,6 +717,7 @@ def read_dataflash(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any
         instance = f"[{values.pop(entry.instance_field)}]" if entry.instance_field in values else ""
         units.setdefault(kind + instance, {name: entry.get_unit(name) or "" for name in entry.columns})
         log.add_message(kind + instance, kind, values, min(int(time_us), _LATEST_US) * 1000)
+    reader.close()
     return _since_boot(log, units)
 
 

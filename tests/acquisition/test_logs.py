@@ -1382,6 +1382,20 @@ def test_ulog_leaves_out_types_that_no_message_can_have(types: list[str], reason
 
 
 @IN_PROCESS
+def test_dataflash_message_that_states_no_length_has_an_end(tmp_path: Path) -> None:
+    """Pymavlink read it again and again, as its place is that of the next."""
+    source = tmp_path / "trip.bin"
+    log_trip.write_dataflash(source, trip(20))
+    form, whole = log_format(source), source.read_bytes()
+    assert form is not None
+    definition = b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", 1, 0, b"", b"", b"")
+    first = 89  # the definition of definitions
+    source.write_bytes(whole[:first] + definition + b"\xa3\x95\x01" + whole[first:])
+    with pytest.raises(ValueError, match="no message of motion"):
+        read_log(source, form)
+
+
+@IN_PROCESS
 def test_ulog_that_ends_within_a_broken_definition_is_refused(tmp_path: Path) -> None:
     """pyulog went back by more than it had read, and never came to the end."""
     source = tmp_path / "trip.ulg"
