@@ -18,6 +18,7 @@ import re
 import shutil
 import sys
 from array import array
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields
@@ -61,6 +62,7 @@ _PATH_KEYS = ("tagname", "tag_name", "tagpath", "path", "entity_id", "label", "d
 _FRAME_CHANNELS = ("CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "LIN_Frame", "ETH_Frame")
 _LATEST_US = 2**62 // 1000  # of a stamp with a broken byte, which its neighbours then show
 _MOST_BROKEN = 0.02  # of the lines of a log
+_MDF_HEADER_AT = 64  # ASAM MDF 4.1
 _MDF_TIME = 1  # cn_sync_type of a master: others count angles, distances or rows
 _FRAMES = 'frames of a bus, which `seatrial record` takes by type = "file"'
 _HEAD_BYTES, _BLOCK_BYTES = 4096, 1024 * 1024
@@ -775,6 +777,7 @@ def read_mdf(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     from asammdf import MDF
 
     log = LogContent(cells)
+    _refuse_circular_mdf(path)
     with MDF(path) as file:
         clock, start_ns = _start_of_measurement(file)
         log.about = str(file.header.description or "")
@@ -811,6 +814,26 @@ def read_mdf(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
             else:
                 log.add_topic(name, "", fields, {clock: ns})
     return log.as_dict()
+
+
+def _refuse_circular_mdf(path: str) -> None:
+    """Raises RefusedError for an MDF 4 whose groups or channels follow upon themselves: the library never ends."""
+    with Path(path).open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+
+        def chain(place: int, link: int) -> Iterator[int]:
+            """The blocks that follow each other from the link of a block on."""
+            at, seen = int.from_bytes(data[place + 24 + 8 * link : place + 32 + 8 * link], "little"), set[int]()
+            while 0 < at < len(data):
+                if at in seen:
+                    raise foreign_reader.RefusedError("it is damaged: its blocks follow upon themselves")
+                seen.add(at)
+                yield at
+                at = int.from_bytes(data[at + 24 : at + 32], "little")
+
+        if data[8:9] == b"4":  # the header's first link is the first group of data, their second what is below them
+            for group in chain(_MDF_HEADER_AT, 0):
+                for channels in chain(group, 1):
+                    deque(chain(channels, 1), maxlen=0)
 
 
 def _start_of_measurement(file: Any) -> tuple[str, int]:

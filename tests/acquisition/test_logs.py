@@ -1396,6 +1396,20 @@ def test_dataflash_message_that_states_no_length_has_an_end(tmp_path: Path) -> N
 
 
 @IN_PROCESS
+def test_mdf_whose_groups_follow_upon_themselves_is_refused(tmp_path: Path) -> None:
+    """asammdf counted them until its time was over."""
+    pytest.importorskip("asammdf")
+    source = tmp_path / "trip.mf4"
+    log_trip.write_mdf(source, trip(20))
+    whole, header = bytearray(source.read_bytes()), 64
+    (group,) = struct.unpack_from("<Q", whole, header + 24)
+    struct.pack_into("<Q", whole, group + 24, group)
+    source.write_bytes(whole)
+    with pytest.raises(ValueError, match="follow upon themselves"):
+        read_log(source, log_format(source))  # type: ignore[arg-type]
+
+
+@IN_PROCESS
 def test_ulog_that_ends_within_a_broken_definition_is_refused(tmp_path: Path) -> None:
     """pyulog went back by more than it had read, and never came to the end."""
     source = tmp_path / "trip.ulg"
