@@ -56,6 +56,10 @@ _LEAP_SECONDS_NS = [
 ]
 """The GPS times from which it is a second more ahead of UTC: IERS, Bulletin C; the last was at the end of 2016."""
 
+ATOMIC_CLOCKS = {"GPS": 0, "TAI": 19}
+"""Clocks without leap seconds, by how far they are ahead of GPS time [s]."""
+_TAI = re.compile(r"(?<![A-Za-z])TAI(?![A-Za-z])", re.IGNORECASE)
+
 YEAR_LAST = "two digits behind slashes are usually the year"
 """Why an order is assumed that the log itself does not state."""
 _SLASHED = re.compile(r"\d/\d\d?/\d\d(?!\d)")
@@ -248,6 +252,24 @@ def gps_minus_utc_s(time_ns: int) -> int:
     18
     """
     return bisect_right(_LEAP_SECONDS_NS, time_ns)
+
+
+def atomic_minus_utc_s(clock: str, time_ns: int) -> int:
+    """How far one of :data:`ATOMIC_CLOCKS` is ahead of UTC [s] when it shows a time [ns since 1970].
+
+    >>> atomic_minus_utc_s("TAI", int(dt.datetime(2026, 5, 17, tzinfo=dt.UTC).timestamp()) * NANO)
+    37
+    """
+    return ATOMIC_CLOCKS[clock] + gps_minus_utc_s(time_ns - ATOMIC_CLOCKS[clock] * NANO)
+
+
+def names_tai(text: str) -> bool:
+    """Whether a text names TAI, the atomic time, and not UTC beside it.
+
+    >>> names_tai("time_tai"), names_tai("UTC, with TAI-UTC 37 s"), names_tai("details")
+    (True, False, False)
+    """
+    return _TAI.search(text) is not None and "UTC" not in text.upper()
 
 
 def infer_date_order(

@@ -15,7 +15,7 @@ from functools import lru_cache
 from itertools import chain
 from math import inf, radians
 
-from seatrial.acquisition.config.sources import AnySource, CanFrames, Mounting, MqttLinks
+from seatrial.acquisition.config.sources import AnySource, CanFrames, MavlinkLinks, Mounting, MqttLinks
 from seatrial.acquisition.config.trial_file import TrialConfig
 from seatrial.acquisition.core import quantities
 from seatrial.acquisition.core import trial as trials
@@ -287,12 +287,12 @@ class _Holder:
 class Selector:
     """Lets one source a channel through, so that a channel never mixes two sensors sample by sample.
 
-    The order of the configuration's sources is the order of preference, and within a bus the order of its devices;
-    of an MQTT broker's a channel's own topic goes before sentences. A position by satellites is preferred to any
-    other, and among substitutes of the first the better fix, by ``fixes``: what each sensor's receiver
-    says of its fix, by GGA's numbers. Of two messages the finer one has it, and what needs less derivation. What
-    is equal in all this, two devices that are not listed, say, is decided by who came first, until that has been
-    silent for ``patience_ns``.
+    The order of the configuration's sources is the order of preference, and within a bus the order of its
+    devices; of an MQTT broker's a channel's own topic goes before sentences, of a vehicle its autopilot before
+    a companion. A position by satellites is preferred to any other, and among substitutes of the first the
+    better fix, by ``fixes``: what each sensor's receiver says of its fix, by GGA's numbers. Of two messages the
+    finer one has it, and what needs less derivation. What is equal in all this, two devices that are not
+    listed, say, is decided by who came first, until that has been silent for ``patience_ns``.
 
     The talkers of satellite receivers are names of one receiver, which may change from one fix to the next, until
     two of them send the same thing concurrently. Every line may provide what is listed ``anywhere``, after those
@@ -325,6 +325,7 @@ class Selector:
             for channel, entry in source.values.items()
             if channel not in POSITION
         }
+        self._vehicles = {source.name for source in sources if isinstance(source, MavlinkLinks)}
         self._first_line: dict[str, int] = {}
         for (_, quantity), rank in self._lines.items():
             self._first_line[quantity] = min(rank, self._first_line.get(quantity, rank))
@@ -403,6 +404,8 @@ class Selector:
             device_rank = self._devices.get((line, device.partition("@")[0]), len(self._devices))
             if (line, device, quantity) in self._mapped:
                 device_rank = -1
+            if line in self._vehicles and "." in device.partition("@")[0]:
+                device_rank += 1
             rank = False, False, 0, line_rank, device_rank, choice
             if quantity in POSITION:
                 lists_devices = device_rank > 0 and line in self._lists_devices
@@ -443,7 +446,7 @@ class Derivation:
         self._variation_deg = variation_deg
         self._channels = channels_of_trial(trial)
         self._limits = {**self._channels, **{quantity: BY_NAME[channel] for quantity, channel in _KINDS.items()}}
-        self._headings: dict[str, trials.Sample] = {}  # by line, admitted or not
+        self._headings: dict[str, trials.Sample] = {}  # by line, admitted or not, of one compass
         self._ship: Quantities = {}  # the last of each that became the ship's channel
 
     @property
@@ -477,7 +480,8 @@ class Derivation:
             if heading is None and magnetic is not None and self._variation_deg is not None:
                 heading = _derived_sample(magnetic, "heading_deg", (magnetic.value + self._variation_deg) % 360.0)
             if heading is not None:
-                quantities["heading_deg"] = self._headings[_source_line(heading)] = heading
+                quantities["heading_deg"] = heading
+                self._remember_heading(heading)
         if not stated.isdisjoint(_VELOCITY):
             quantities.update(self._reference_point_velocity(quantities, mounting))
         derived = list(quantities.values())
@@ -486,6 +490,18 @@ class Derivation:
         if not stated.isdisjoint(_WIND):
             derived += self._wind_samples(quantities)
         return derived
+
+    def _remember_heading(self, heading: trials.Sample) -> None:
+        """Take note of a line's heading: the ship's where it comes from there, else that of the first compass.
+
+        Another compass of the line serves when that has been silent: what is derived must go by one of them.
+        """
+        line, channel = _source_line(heading), self._ship.get("heading_deg")
+        is_channels = channel is not None and _source_line(channel) == line
+        serving = channel if is_channels else self._headings.get(line)
+        is_other = serving is not None and serving.source != heading.source
+        if serving is None or not is_other or heading.monotonic_ns - serving.monotonic_ns > SILENT_NS:
+            self._headings[line] = heading
 
     def _correct_mounting_angles(self, group: trials.Group, mounting: Mounting) -> Iterator[trials.Sample]:
         """The samples, headings and bow-relative wind angles corrected for how their sensors are mounted."""

@@ -203,7 +203,7 @@ class MavlinkDecoder(Decoder):
         self._boot_ns: dict[str, int] = {}  # by sender: each counts from its start
         self._last_boot_ms: dict[str, int] = {}
         self._quiet_until_ns = 0
-        self._origins: dict[str, tuple[float, float]] = {}  # by address
+        self._origins: dict[str, tuple[float, float]] = {}  # by sender: a companion may have its own
         self._cutter = PacketCutter(complete=isinstance(config, sources.MavlinkFileSource))
         self._link = dialect.MAVLink(None)
         self._senders = FurtherSenders()
@@ -278,7 +278,7 @@ class MavlinkDecoder(Decoder):
                 return [(kind, [(name, message.frequency) for name in self._shafts[message.index :][:1]])]
             case "LOCAL_POSITION_NED":
                 # height plays no part for a ship: it would shift a position 10 km from the origin by 1 cm
-                origin, position = self._origins.get(self._senders.label(frame.sender)), []
+                origin, position = self._origins.get(sender, self._origins.get(self._autopilot(sender))), []
                 if (
                     origin is not None
                     and ship.BY_NAME["north_m"].is_possible_value(message.x)
@@ -310,13 +310,19 @@ class MavlinkDecoder(Decoder):
             if ship.BY_NAME[latitude].is_possible_value(latitude_deg) and ship.BY_NAME[longitude].is_possible_value(
                 longitude_deg
             ):
-                self._origins[self._senders.label(frame.sender)] = latitude_deg, longitude_deg
+                self._origins[sender] = latitude_deg, longitude_deg
             else:
                 self.refused["impossible value"] += 1
         elif message.time_unix_usec != 0:  # else the autopilot does not have the time yet
             utc_ns = message.time_unix_usec * _MICRO_NS
             self._boot_ns[sender] = utc_ns - message.time_boot_ms * _MILLI_NS
-            self.clock.announce(utc_ns, frame)
+            if sender == self._autopilot(sender) or self._autopilot(sender) not in self._boot_ns:
+                self.clock.announce(utc_ns, frame)
+
+    def _autopilot(self, sender: str) -> str:
+        """The autopilot of a sender's vehicle: the same system, at the same address."""
+        _, at, address = sender.partition("@")
+        return f"{self._system_id}{at}{address}"
 
     def _measured_time_ns(self, message: Any, frame: trial.Frame, sender: str) -> int | None:
         """When a message states that it was measured [ns UTC]: since boot, in ``time_usec`` perhaps since 1970.
@@ -333,7 +339,7 @@ class MavlinkDecoder(Decoder):
                 if self._boot_ns.pop(sender, None) is not None:
                     self.clock.forget_announcement()
                 if last_ms < _WRAP_MS - _NEAR_WRAP_MS:
-                    self._origins.pop(self._senders.label(frame.sender), None)
+                    self._origins.pop(sender, None)
                     if frame.monotonic_ns >= self._quiet_until_ns:
                         self._quiet_until_ns = frame.monotonic_ns + _QUIET_NS
                         text = f"the autopilot has restarted after {last_ms / 1e3:.0f} s"

@@ -46,6 +46,7 @@ _LARGEST_CONTAINER_BYTES = 64 * 1024 * 1024  # those of Vector's tools hold 128 
 _MOST_FRAMES_AT_ONCE = 300
 _HEAD_BYTES = 65_536
 _STEP_BACK_NS = 2 * 10**9  # lines of several gateways, and times in whole seconds, may come a second late
+_QUARTER_NS = 900 * trial.NANO
 _HEAD_ENTRIES = 3_000  # which show what the log's times are: some seconds of a busy bus
 _START_TIME = re.compile(rb"^;\s*Start time:\s*([^\r\n]{8,80})", re.MULTILINE)
 _WITHOUT_ZONE = (
@@ -222,13 +223,22 @@ class LogFile(sources.LogReader):
             file.seek(max(file.seek(0, os.SEEK_END) - _HEAD_BYTES, 0))
             tail = file.read(_HEAD_BYTES)
         changed_ns = path.stat().st_mtime_ns
-        log.times.is_of_this_zone |= _CANDUMP_DATE.search(head) is not None
+        has_local_lines = _CANDUMP_DATE.search(head) is not None
+        log.times.is_of_this_zone |= has_local_lines
+        is_local = log.times.is_of_this_zone
         times, self._date_remark = _infer_date_order(log.times, stated, tail, self._config.date_order, changed_ns)
         if times.order != log.times.order or times.year is not None:
             log = open_log(times)
             beginning, _ = _read_head(iter(log), times)
             log.close()
         self._clock = LogClock(beginning, changed_ns)
+        if is_local:  # of every line, or of the beginning alone
+            local = _LocalTimes()
+            whole = open_log(times)
+            open_hour = local.settle_first_hour(whole if has_local_lines else beginning[:1])
+            whole.close()
+            self._clock.local = local if has_local_lines else None
+            self._date_remark = "; ".join(filter(None, (self._date_remark, open_hour)))
         buses = {entry.bus for entry in beginning if entry.bus}
         self._only_bus = buses.pop() if len(buses) == 1 else ""
         self._log = open_log(times)
@@ -462,6 +472,55 @@ def _missing_end_text(blf: Any, size_bytes: int) -> str:
     return "its last object is cut off" if bytes(getattr(blf, "_tail", b"")).strip(b"\0") else ""
 
 
+class _LocalTimes:
+    """Local times as UTC: those of the hour that comes twice, at the end of summer time, by the order of lines.
+
+    Times come as if they were of the first of the two hours.
+    """
+
+    def __init__(self) -> None:
+        self._last_ns = 0
+        self._repeats_ns: dict[int, int] = {}  # by the quarter of an hour: nothing else begins or ends summer time
+
+    def _repeats_after_ns(self, time_ns: int) -> int:
+        """After how long clocks show the same time again [ns]; 0 for all times but those of that hour."""
+        quarter = time_ns // _QUARTER_NS
+        if quarter not in self._repeats_ns:
+            seconds = quarter * _QUARTER_NS // trial.NANO
+            local = dt.datetime.fromtimestamp(seconds, dt.UTC).astimezone().replace(tzinfo=None, fold=1)
+            self._repeats_ns[quarter] = round(local.astimezone().timestamp() - seconds) * trial.NANO
+        return self._repeats_ns[quarter]
+
+    def utc_ns(self, time_ns: int) -> int:
+        if time_ns < self._last_ns - _STEP_BACK_NS and (later_ns := self._repeats_after_ns(time_ns)):
+            time_ns += later_ns
+        self._last_ns = time_ns
+        return time_ns
+
+    def settle_first_hour(self, entries: Iterable[LogEntry]) -> str:
+        """Which of the two hours a log begins in, if in one, by how its times go on; and a remark.
+
+        They go back where the first ends. A log that leaves that hour otherwise began in the second: of the first,
+        an hour would be missing.
+        """
+        stated_ns = (entry.time_ns for entry in entries)
+        times_ns = (time_ns for time_ns in stated_ns if time_ns is not None and time_ns >= EARLIEST_UTC_NS)
+        first_ns = last_ns = next(times_ns, 0)
+        if not (later_ns := self._repeats_after_ns(first_ns)):
+            return ""
+        for time_ns in times_ns:
+            if last_ns - time_ns >= _STEP_BACK_NS:
+                return ""
+            if not self._repeats_after_ns(time_ns):
+                self._last_ns = first_ns + later_ns
+                return ""
+            last_ns = time_ns
+        return (
+            "it begins in the hour that comes twice at the end of summer time, and nothing in it states which: the"
+            " first is taken; set TZ for the second, such as TZ=UTC-1 for a time that is one hour ahead of UTC"
+        )
+
+
 class LogClock:
     """The clock of one log, learned from its first entries; ``changed_ns`` is when the file was last changed.
 
@@ -478,6 +537,7 @@ class LogClock:
         falls = any(later < earlier < EARLIEST_UTC_NS for earlier, later in pairwise(stamps_ns))
         self._differences = falls or is_regular
         self._epoch_ns = 0  # UTC when the log's running time was zero; 0 as long as it is not stated
+        self.local: _LocalTimes | None = None  # of a log whose lines state local times
         self._restart()
         is_stamped = bool(head) and head[0].time_ns is not None
         self._stands_still = (
@@ -496,11 +556,7 @@ class LogClock:
             )
         self._learn_start_time(timed, changed_ns)
         for entry in head:
-            lines = nmea0183.split_into_sentences_and_rest(entry.payload) if entry.protocol == "nmea0183" else ()
-            if any(
-                _correct_rollover_or_none(time_ns) not in (None, time_ns)
-                for time_ns in map(_utc_ns_stated_by_sentence, lines)
-            ):
+            if any(_correct_rollover_or_none(time_ns) not in (None, time_ns) for time_ns in _written_utc_ns(entry)):
                 date = trial.iso_utc(utc_ns_stated_by_entry(entry) or 0)[:10]
                 self.remark = f"a receiver's weeks have rolled over: its date is 1,024 weeks back, {date} is taken"
                 break
@@ -552,7 +608,7 @@ class LogClock:
             self._turns[turn_ns] = time_ns, running_ns
             time_ns = max(running_ns, 0)
         elif time_ns >= EARLIEST_UTC_NS:
-            return time_ns
+            return time_ns if self.local is None else self.local.utc_ns(time_ns)
         elif self._differences:
             time_ns += self._since_start_ns
         time_ns = min(time_ns, EARLIEST_UTC_NS - 1)
@@ -613,19 +669,18 @@ def _round_to_midnight_ns(time_ns: int) -> int:
 
 def utc_ns_stated_by_entry(entry: LogEntry) -> int | None:
     """The UTC that a message or a sentence states [ns since 1970]; None for any other."""
+    stated = map(_correct_rollover_or_none, _written_utc_ns(entry))
+    return next((utc for utc in stated if utc is not None), None)
+
+
+def _written_utc_ns(entry: LogEntry) -> Iterable[int | None]:
+    """The times that stand in an entry, also of a receiver whose weeks have rolled over."""
     if entry.protocol == "nmea0183":
-        stated = (
-            _correct_rollover_or_none(time_ns)
-            for time_ns in map(_utc_ns_stated_by_sentence, nmea0183.split_into_sentences_and_rest(entry.payload))
-        )
-        return next((utc for utc in stated if utc is not None), None)
+        return map(_utc_ns_stated_by_sentence, nmea0183.split_into_sentences_and_rest(entry.payload))
     group = nmea2000.split_can_identifier(entry.identifier)[0]
     is_position = group == nmea2000.GNSS_POSITION and entry.flags == trial.FrameFlag.WHOLE
     is_clock = group in (nmea2000.SYSTEM_TIME, nmea2000.TIME_AND_DATE) and not entry.flags & ~trial.FrameFlag.WHOLE
-    if not is_position and not is_clock:
-        return None
-    stated_ns = nmea2000.group_utc_ns(nmea2000.Message(group, entry.payload))
-    return stated_ns if stated_ns is not None and clock.is_possible_time(stated_ns) else None
+    return [nmea2000.group_utc_ns(nmea2000.Message(group, entry.payload))] if is_position or is_clock else []
 
 
 def _day_time_ns_stated_by_entry(entry: LogEntry) -> int | None:

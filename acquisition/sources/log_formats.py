@@ -880,27 +880,36 @@ def read_yd_can(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
 
 _SOCKETCAN, _COOKED, _COOKED_2 = _CAN_LINKS = 227, 113, 276  # link types
 _CAN_PROTOCOLS = (0x000C, 0x000D)
-_IF_NAME, _IF_TSRESOL = 2, 9  # options of an interface
+_ETHERNET, _RAW_IP = 1, (12, 14, 101, 228)
+_IP_LINKS = (_ETHERNET, _COOKED, _COOKED_2, *_RAW_IP)
+_IPV4, _VLANS, _UDP = b"\x08\0", (b"\x81\0", b"\x88\xa8"), 17
+_NOTHING_CAPTURED = "no packet of the capture has a CAN frame, or lines in a datagram of UDP and IPv4"
+_IF_NAME, _IF_TSRESOL, _IF_TSOFFSET = 2, 9, 14  # options of an interface
 
 
 def read_pcap(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
-    """What tcpdump and Wireshark capture of SocketCAN, in the older of their two forms."""
+    """What tcpdump and Wireshark capture of SocketCAN, or of datagrams in a network, in the older form."""
     head = file.read(24)
     order = "<" if head[:4] in (b"\xd4\xc3\xb2\xa1", b"\x4d\x3c\xb2\xa1") else ">"
     finest_ns = 1 if head[:4] in (b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d") else 1000
     link = struct.unpack(f"{order}I", head[20:24].ljust(4, b"\0"))[0] & 0xFFFF
     _check_link_type(link)
+    is_empty = True
     while record := file.read(16):
         seconds, fraction, length, _ = struct.unpack(f"{order}IIII", record) if len(record) == 16 else (0, 0, -1, 0)
         packet = file.read(length) if 0 <= length <= _LONGEST_PACKET else b""
         if len(packet) != length:
             raise ValueError(_CUT_RECORD)
-        yield from _parse_captured_packet(packet, link, seconds * NANO + fraction * finest_ns, reader)
+        for entry in _parse_captured_packet(packet, link, seconds * NANO + fraction * finest_ns, reader):
+            is_empty = False
+            yield entry
+    if is_empty:
+        raise ValueError(_NOTHING_CAPTURED)
 
 
 def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
     """The newer form: blocks, of which some describe an interface and others hold a packet of one."""
-    order, links = "<", list[tuple[int, int, str]]()
+    order, links, is_empty = "<", list[tuple[int, int, int, str]](), True
     while start := file.read(8):
         if start[:4] == b"\n\r\r\n":
             magic = file.read(4)
@@ -916,15 +925,19 @@ def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
         elif kind == 6 and len(body) >= 24:
             interface, high, low, captured = struct.unpack_from(f"{order}IIII", body)
             if interface < len(links):
-                link, ticks, name = links[interface]
-                time_ns = (high << 32 | low) * NANO // ticks
-                yield from _parse_captured_packet(body[20 : 20 + captured], link, time_ns, reader, name)
-    if not any(link in _CAN_LINKS for link, _, _ in links):
+                link, ticks, offset_s, name = links[interface]
+                time_ns = (high << 32 | low) * NANO // ticks + offset_s * NANO
+                for entry in _parse_captured_packet(body[20 : 20 + captured], link, time_ns, reader, name):
+                    is_empty = False
+                    yield entry
+    if not any(link in (*_CAN_LINKS, *_IP_LINKS) for link, *_ in links):
         _check_link_type(links[0][0] if links else 0)
+    if is_empty:
+        raise ValueError(_NOTHING_CAPTURED)
 
 
-def _parse_interface(body: bytes, order: str, number: int) -> tuple[int, int, str]:
-    """An interface's link type, the ticks of its clock a second, and its name."""
+def _parse_interface(body: bytes, order: str, number: int) -> tuple[int, int, int, str]:
+    """An interface's link type, the ticks of its clock a second, what its times count from [s], and its name."""
     data, options, at = body[8:-4], dict[int, bytes](), 0  # options by their codes, the first of each
     while at + 4 <= len(data):
         code, length = struct.unpack_from(f"{order}HH", data, at)
@@ -934,27 +947,42 @@ def _parse_interface(body: bytes, order: str, number: int) -> tuple[int, int, st
     resolution, ticks = options.get(_IF_TSRESOL, b""), 1_000_000
     if len(resolution) == 1:
         ticks = 2 ** (resolution[0] & 0x7F) if resolution[0] & 0x80 else 10 ** min(resolution[0], 18)
-    return struct.unpack_from(f"{order}H", body)[0], ticks, name
+    offset = options.get(_IF_TSOFFSET, b"")
+    offset_s = struct.unpack(f"{order}q", offset)[0] if len(offset) == 8 else 0
+    return struct.unpack_from(f"{order}H", body)[0], ticks, offset_s, name
 
 
 def _check_link_type(link: int) -> None:
-    if link not in _CAN_LINKS:
-        raise ValueError(f"it is a capture of link type {link}, which has no CAN frames ({_SOCKETCAN} does)")
+    if link not in (*_CAN_LINKS, *_IP_LINKS):
+        raise ValueError(
+            f"it is a capture of link type {link}, which has no CAN frames ({_SOCKETCAN} does) and no datagrams"
+            f" ({_ETHERNET} does)"
+        )
 
 
 def _parse_captured_packet(
     packet: bytes, link: int, time_ns: int, reader: LineReader, bus: str = ""
 ) -> Iterator[LogEntry]:
-    """The CAN frame in a captured packet; those of other protocols are passed over.
+    """The CAN frame or the lines in a captured packet; those of other protocols are passed over.
 
     Of what was captured on all interfaces at once the packet itself says which it came by.
     """
     if link in (_COOKED, _COOKED_2):
         skip, place = (16, 14) if link == _COOKED else (20, 0)
-        if int.from_bytes(packet[place : place + 2], "big") not in _CAN_PROTOCOLS:
+        protocol = packet[place : place + 2]
+        if protocol == _IPV4:
+            yield from _parse_captured_datagram(packet[skip:], time_ns, reader)
+        if int.from_bytes(protocol, "big") not in _CAN_PROTOCOLS:
             return
         bus = f"interface{int.from_bytes(packet[4:8], 'big')}" if link == _COOKED_2 else bus
         packet = packet[skip:]
+    elif link in _IP_LINKS:
+        at = 14 if link == _ETHERNET else 0
+        while link == _ETHERNET and packet[at - 2 : at] in _VLANS:
+            at += 4
+        if link != _ETHERNET or packet[at - 2 : at] == _IPV4:
+            yield from _parse_captured_datagram(packet[at:], time_ns, reader)
+        return
     elif link != _SOCKETCAN:
         return
     if len(packet) < 8 or len(packet) < 8 + packet[4] or packet[4] > 64:
@@ -965,6 +993,26 @@ def _parse_captured_packet(
     data = b"" if remote else packet[8 : 8 + packet[4]]
     flags = can_flags(not extended, remote, error)
     yield LogEntry(time_ns, data, identifier & HIGHEST_IDENTIFIER, flags, bus=bus)
+
+
+def _parse_captured_datagram(packet: bytes, time_ns: int, reader: LineReader) -> Iterator[LogEntry]:
+    """The lines in a datagram of UDP and IPv4, of which each is a whole; its sender stands for its bus.
+
+    Of one that was cut by the capture, or sent in fragments, the lines of the first part that are whole.
+    """
+    start = 4 * (packet[0] & 15) if packet else 0
+    if len(packet) < start + 8 or packet[0] >> 4 != 4 or packet[9] != _UDP:
+        return
+    fragment, length = int.from_bytes(packet[6:8], "big"), int.from_bytes(packet[start + 4 : start + 6], "big")
+    if fragment & 0x1FFF:  # not the first
+        reader.unreadable += 1
+        return
+    payload, cutter = packet[start + 8 : start + length], StreamCutter()
+    pieces, is_cut = cutter.push(payload), len(payload) < length - 8
+    reader.unreadable += is_cut
+    sender = f"{'.'.join(map(str, packet[12:16]))}:{int.from_bytes(packet[start : start + 2], 'big')}"
+    for entry in reader.entries(pieces if is_cut else [*pieces, *cutter.end()]):
+        yield entry._replace(time_ns=time_ns, turn_ns=0, bus=sender)
 
 
 class FileForm(NamedTuple):

@@ -68,6 +68,10 @@ QUANTITY_BY_CHANNEL = {quantity.name: quantity for quantity in QUANTITIES if qua
 }
 """The quantities that are channels, by channel."""
 _PHRASES = frozenset(phrase for quantity in QUANTITIES for phrase in quantity.phrases)
+_WORDS_BY_PHRASE = {phrase: Counter(phrase.split()) for phrase in _PHRASES}
+_COMPACT_PHRASES = {
+    quantity: frozenset(phrase.replace(" ", "") for phrase in quantity.phrases) for quantity in QUANTITIES
+}
 EAST_ASIAN_LETTERS = frozenset(letter for phrase in _PHRASES for letter in phrase if ord(letter) > _EAST_ASIA)
 """The Chinese and Japanese characters in the phrases."""
 PORT, STARBOARD, BOW, STERN = (_WORDS[name] for name in ("port", "starboard", "bow", "stern"))
@@ -127,19 +131,20 @@ def match_quantities(name: str) -> tuple[Match, ...]:
         return ()
     text, compact_text = f" {' '.join(words)} ", "".join(words)
     text_without_sides = f" {' '.join(word for word in words if word not in PORT | STARBOARD)} "
-    matches = []
+    matches, counts = [], Counter(words)
     for quantity in QUANTITIES:
-        if compact_text in {phrase.replace(" ", "") for phrase in quantity.phrases}:
+        if compact_text in _COMPACT_PHRASES[quantity]:
             matches.append(Match(quantity, 1.0))
             continue
+        possible = [phrase for phrase in quantity.phrases if _WORDS_BY_PHRASE[phrase].keys() <= counts.keys()]
         fitting = [
             phrase
-            for phrase in quantity.phrases
+            for phrase in possible
             if len(phrase) > 1 and (f" {phrase} " in text or f" {phrase} " in text_without_sides)
         ]
-        for phrase in quantity.phrases:
-            parts = phrase.split()
-            if len(parts) > 1 and min(map(len, parts)) > 1 and not Counter(parts) - Counter(words):
+        for phrase in possible:
+            parts = _WORDS_BY_PHRASE[phrase]
+            if parts.total() > 1 and min(map(len, parts)) > 1 and parts <= counts:
                 fitting.append(phrase)
         if not fitting:
             continue

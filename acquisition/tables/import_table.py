@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from seatrial.acquisition.config.declarations import actuators_of_ship, load_actuators, name_of_vessel
-from seatrial.acquisition.core import files, quantities, stores
+from seatrial.acquisition.core import files, quantities, stores, times
 from seatrial.acquisition.core import ship as ships
 from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, join_words
 from seatrial.acquisition.core.trial import Quality, Trial
@@ -780,7 +780,7 @@ def apply_time_answers(time: time_columns.TimeColumn, answers: Mapping[str, str]
         evidence.check_answer(key, value)
         is_counted = time.format == "seconds"
         is_useless = {
-            "zone": is_counted and time.in_name is None and not time.in_head,
+            "zone": is_counted and time.in_name is None and not (time.in_head or value in times.ATOMIC_CLOCKS),
             "date_order": time.format != time_columns.TEXT,
             "year": time.format != time_columns.TEXT,
             "time_unit": not is_counted,

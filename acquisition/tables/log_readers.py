@@ -18,8 +18,9 @@ import re
 import shutil
 import sys
 from array import array
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
 from functools import cache
@@ -30,6 +31,7 @@ from typing import Any
 
 import numpy as np
 
+from seatrial.acquisition.core.times import names_tai
 from seatrial.acquisition.tables import foreign_reader, json_messages
 
 NANO, MICRO = 1_000_000_000, 1_000_000
@@ -46,9 +48,10 @@ _LARGE_TYPES = frozenset({
 """Types of messages, by their last name, that hold no channel of a ship and take most of a bag's bytes."""
 _LARGE, _NO_COLUMN = "no channels of a ship", "no column of numbers or text"
 _TIME_NAME = re.compile(r"(?:^|[\W_])(?:t|times?|timestamps?|stamp|utc|datetime|epoch|ts)(?:$|[\W_])")
+_CLOCK_NAME = re.compile(r"(?:^|[\W_])(?:tai|gpst?|gpstime|local|localtime|lt)(?:$|[\W_])", re.IGNORECASE)
 _CLOCK = re.compile(r"\s*\d{1,2}:\d\d")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d{1,18}(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?\s*", re.ASCII)
-_EARLIEST_EPOCH_S = 3e8  # 1979
+_EARLIEST_EPOCH_S, _LATEST_EPOCH_S = 3e8, 4e9  # 1979, 2096
 _ZSTD = b"\x28\xb5\x2f\xfd"
 ABOUT_TOPIC = "/seatrial"
 """The topic of a bag that this product has exported which has the text of its metadata."""
@@ -59,6 +62,7 @@ _PATH_KEYS = ("tagname", "tag_name", "tagpath", "path", "entity_id", "label", "d
 _FRAME_CHANNELS = ("CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "LIN_Frame", "ETH_Frame")
 _LATEST_US = 2**62 // 1000  # of a stamp with a broken byte, which its neighbours then show
 _MOST_BROKEN = 0.02  # of the lines of a log
+_MDF_HEADER_AT = 64  # ASAM MDF 4.1
 _MDF_TIME = 1  # cn_sync_type of a master: others count angles, distances or rows
 _FRAMES = 'frames of a bus, which `seatrial record` takes by type = "file"'
 _HEAD_BYTES, _BLOCK_BYTES = 4096, 1024 * 1024
@@ -70,23 +74,26 @@ _TIME_PARTS = (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs"), ("seconds
 class TopicBuilder:
     """The samples of one topic while messages come in: times, and a column for each numeric field [n].
 
-    ``log_ns`` are the times at which messages were recorded, ``stamp_ns`` those that they state themselves, 0
-    without; ``moments`` are times of a form that is not known yet.
+    ``log_ns`` are the times at which messages were recorded, ``published_ns`` at which they were sent, ``stamp_ns``
+    those that they state themselves, 0 without; ``moments`` are times of a form that is not known yet. ``stated``
+    are units and meanings by their schema, by path.
     """
 
-    def __init__(self, name: str, kind: str) -> None:
-        self.name, self.kind, self.count = name, kind, 0
-        self.log_ns, self.stamp_ns = array("q"), array("q")
+    def __init__(self, name: str, kind: str, stated: Mapping[str, tuple[str, str]]) -> None:
+        self.name, self.kind, self.count, self.stated = name, kind, 0, stated
+        self.moment_name = "time"
+        self.log_ns, self.published_ns, self.stamp_ns = array("q"), array("q"), array("q")
         self.moments: list[Any] = []
         self.columns: dict[str, array[float]] = {}
         self.frames: dict[str, str] = {}
 
-    def add(self, message: Any, log_ns: int = 0, moment: Any = None) -> int:
+    def add(self, message: Any, log_ns: int = 0, moment: Any = None, published_ns: int = 0) -> int:
         """Add a message; returns the number of its numbers."""
         numbers: list[tuple[str, float]] = []
         _flatten(message, "", numbers)
         stamp_ns = _stamp_ns(message)
         self.log_ns.append(log_ns)
+        self.published_ns.append(published_ns if published_ns < 2**63 else 0)
         self.stamp_ns.append(stamp_ns)
         self.moments.append(moment)
         for path, value in numbers:
@@ -109,10 +116,13 @@ class TopicBuilder:
 
     def as_topic(self) -> dict[str, Any]:
         """The topic as the parent process takes it."""
-        columns = {path: (np.array(column), "", "") for path, column in self.columns.items()}
-        times = {"log": np.array(self.log_ns, dtype=np.int64), "stamp": np.array(self.stamp_ns, dtype=np.int64)}
+        columns = {
+            path: (np.array(column), *self.stated.get(path, ("", ""))) for path, column in self.columns.items()
+        }
+        of_clocks = {"log": self.log_ns, "published": self.published_ns, "stamp": self.stamp_ns}
+        times = {clock: np.array(ns, dtype=np.int64) for clock, ns in of_clocks.items()}
         if any(moment is not None for moment in self.moments):
-            columns = {"time": (_cell_array(self.moments), "", ""), **columns}
+            columns = {self.moment_name: (_cell_array(self.moments), "", ""), **columns}
         clocks = {clock: ns for clock, ns in times.items() if ns.any()}
         return _topic_as_dict(self.name, self.kind, columns, clocks, self.frames, self.count)
 
@@ -127,19 +137,31 @@ class LogContent:
         self.topics: list[dict[str, Any]] = []
         self.left_out: dict[str, tuple[str, int, str]] = {}
         self.undecoded: dict[str, int] = {}
+        self.stated: dict[tuple[str, str], dict[str, tuple[str, str]]] = {}
         self.remarks: list[str] = []
         self.about = ""
         self.parameters: dict[str, float] = {}
 
-    def add_message(self, name: str, kind: str, message: Any, log_ns: int = 0, moment: Any = None) -> None:
+    def add_message(
+        self,
+        name: str,
+        kind: str,
+        message: Any,
+        log_ns: int = 0,
+        moment: Any = None,
+        published_ns: int = 0,
+        moment_key: str = "",
+    ) -> None:
         """Add a message to its topic; that of :data:`ABOUT_TOPIC` says what the log is."""
         if name == ABOUT_TOPIC and isinstance(text := getattr(message, "data", None), str):
             self.about = text
             return
         builder = self.builders.get((name, kind))
         if builder is None:
-            builder = self.builders[name, kind] = TopicBuilder(name, kind)
-        self.cells.count_cells(1 + builder.add(message, log_ns, moment))
+            builder = self.builders[name, kind] = TopicBuilder(name, kind, self.stated.get((name, kind), {}))
+        if _CLOCK_NAME.search(moment_key):
+            builder.moment_name = moment_key
+        self.cells.count_cells(1 + builder.add(message, log_ns, moment, published_ns))
 
     def add_topic(self, *parts: Any) -> None:
         """Add a topic whose columns are there already."""
@@ -223,8 +245,14 @@ def _flatten(value: Any, path: str, numbers: list[tuple[str, float]], depth: int
             _flatten(member, below, numbers, depth + 1)
         return
     if hasattr(value, "__len__") and len(value) <= _MOST_ELEMENTS:
-        for number, item in enumerate(value):
-            _flatten(item, f"{path}[{number}]", numbers, depth + 1)
+        has_members = len(value) > 0 and _members(value[0]) is not None
+        names = [dict(_members(item) or ()).get("name") for item in value] if has_members else []
+        are_names = _is_list_of_text(names) and "" not in names and len(set(names)) == len(names)
+        labels = (
+            [re.sub(r"[^\w-]", "_", str(name)) for name in names] if are_names else [*map(str, range(len(value)))]
+        )
+        for label, item in zip(labels, value, strict=True):
+            _flatten(item, f"{path}[{label}]", numbers, depth + 1)
 
 
 def _is_list_of_text(value: Any) -> bool:
@@ -249,6 +277,26 @@ def _stamp_ns(message: Any) -> int:
         parts = _members(stamp)
         if parts is not None and (stated := _time_of_parts(dict(parts))) is not None:
             return stated if 0 <= stated < 2**63 else 0
+        if parts is None and (moment_ns := _moment_ns(stamp)):
+            return moment_ns
+    key, moment = _stated_moment(message) if isinstance(message, dict) else ("", None)
+    return 0 if _CLOCK_NAME.search(key) else _moment_ns(moment)  # of another clock than UTC
+
+
+def _moment_ns(moment: Any) -> int:
+    """A text with its zone, or a number of s, ms, us or ns, as ns since 1970; 0 for any other."""
+    if isinstance(moment, str):
+        try:
+            stated = datetime.fromisoformat(moment.strip())
+        except ValueError:
+            return 0
+        since = stated - datetime.fromtimestamp(0, UTC) if stated.tzinfo else timedelta(0)
+        return max(since // timedelta(microseconds=1), 0) * 1000
+    if type(moment) in (int, float):
+        for unit_ns in (NANO, MICRO, 1000, 1):
+            if _EARLIEST_EPOCH_S < moment * unit_ns / NANO < _LATEST_EPOCH_S:
+                time_ns: int = round(moment * 1e6) * 1000 if unit_ns == NANO else round(moment * unit_ns)
+                return time_ns
     return 0
 
 
@@ -390,7 +438,13 @@ def _is_large(kind: str) -> bool:
 
 
 def _add_decoded(
-    log: LogContent, topic: str, kind: str, log_ns: int, data: Any, decode: Callable[[str, Any], Any]
+    log: LogContent,
+    topic: str,
+    kind: str,
+    log_ns: int,
+    data: Any,
+    decode: Callable[[str, Any], Any],
+    published_ns: int = 0,
 ) -> None:
     """Decode a message and add it; a topic whose type is not known is left out."""
     if topic in log.left_out and log.left_out[topic][2].startswith("its type"):
@@ -408,7 +462,7 @@ def _add_decoded(
             )
         log.undecoded[topic] = log.undecoded.get(topic, 0) + 1
         return None
-    return log.add_message(topic, kind, message, log_ns)
+    return log.add_message(topic, kind, message, log_ns, published_ns=published_ns)
 
 
 @dataclass(slots=True)
@@ -435,12 +489,15 @@ def _read_mcap(path: Path, log: LogContent) -> None:
                 if isinstance(record, Schema):
                     schemas[record.id] = record
                 elif isinstance(record, Channel) and record.id not in channels:
-                    channels[record.id] = _mcap_channel(record, schemas.get(record.schema_id), stores)
+                    schema = schemas.get(record.schema_id)
+                    channel = channels[record.id] = _mcap_channel(record, schema, stores)
+                    log.stated[channel.topic, channel.kind] = _stated_in_json_schema(schema)
                 elif isinstance(record, Message):
                     channel = channels[record.channel_id]
                     channel.count += 1
                     if channel.decode is not None:
-                        _add_decoded(log, channel.topic, channel.kind, record.log_time, record.data, channel.decode)
+                        about = channel.topic, channel.kind, record.log_time, record.data, channel.decode
+                        _add_decoded(log, *about, record.publish_time)
         except (MemoryError, foreign_reader.RefusedError):
             raise
         except Exception as error:  # the library promises no set of errors for a broken file
@@ -461,9 +518,36 @@ def _mcap_channel(record: Any, schema: Any, stores: dict[str, RosTypes]) -> Mcap
     kind, encoding = schema.name if schema else "", record.message_encoding
     if _is_large(kind):
         return McapChannel(record.topic, kind, None, _LARGE)
-    decode = _mcap_decoder(encoding, schema, stores)
+    try:
+        decode = _mcap_decoder(encoding, schema, stores)
+    except MemoryError:
+        raise
+    except Exception as error:  # of the libraries: the other channels are right
+        return McapChannel(
+            record.topic, kind, None, f"its schema is broken, or lacks what it imports ({error})"[:160]
+        )
     reason = "" if decode else f"its encoding, {encoding or 'unnamed'}, is not read"
     return McapChannel(record.topic, kind, decode, reason)
+
+
+def _stated_in_json_schema(schema: Any) -> dict[str, tuple[str, str]]:
+    """The units and descriptions of a JSON schema by the path of its numbers; empty for another schema."""
+    stated = dict[str, tuple[str, str]]()
+
+    def visit(node: Any, path: str, depth: int) -> None:
+        if not isinstance(node, dict) or depth > _MOST_NESTED:
+            return
+        texts = [str(node[key]) for key in ("unit", "units", "description") if isinstance(node.get(key), str)]
+        if path and texts:
+            stated[path] = texts[0] if "unit" in node or "units" in node else "", str(node.get("description", ""))
+        properties = node.get("properties")
+        for name, member in properties.items() if isinstance(properties, dict) else ():
+            visit(member, f"{path}.{name}" if path else str(name), depth + 1)
+
+    if schema is not None and schema.encoding == "jsonschema":
+        with suppress(ValueError):
+            visit(json.loads(schema.data), "", 0)
+    return stated
 
 
 def _mcap_decoder(encoding: str, schema: Any, stores: dict[str, RosTypes]) -> Callable[[str, Any], Any] | None:
@@ -494,23 +578,70 @@ def _mcap_decoder(encoding: str, schema: Any, stores: dict[str, RosTypes]) -> Ca
     return None
 
 
+_LONGEST_ULOG_MESSAGE = 0xFFFF
+
+
+def _bytes_of_ulog_types(formats: Mapping[str, Any], basic: Mapping[str, int]) -> dict[str, int]:
+    """The bytes of a message of each type that a ULog defines, without those that are nested too deep or in
+    themselves."""
+    sizes = dict[str, int]()
+    for _ in range(_MOST_NESTED):
+        known = {**sizes, **basic}
+        for name in formats.keys() - sizes.keys():
+            if all(kind in known for kind, _, _ in formats[name].fields):
+                sizes[name] = sum(max(length, 1) * max(known[kind], 1) for kind, length, _ in formats[name].fields)
+    return sizes
+
+
 def read_ulog(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     """The topics of PX4's log, with times since the autopilot's start."""
     from pyulog import ULog
 
-    file, log = ULog(path), LogContent(cells)
+    log, sizes, size = LogContent(cells), dict[str, int](), Path(path).stat().st_size
+    basic = {kind: ULog.get_field_size(kind) for kind in ULog._UNPACK_TYPES}
+
+    class Subscription(ULog._MessageAddLogged):  # type: ignore[misc]
+        """The library's, which lists every element of nested arrays, whether or not a message can hold them."""
+
+        def _parse_format(self, message_formats: Mapping[str, Any]) -> None:
+            if not sizes:
+                sizes.update(_bytes_of_ulog_types(message_formats, basic))
+            length = sizes.get(self.message_name)
+            if length is None or length > _LONGEST_ULOG_MESSAGE:
+                kind = f"its type is longer than the {_LONGEST_ULOG_MESSAGE:,} bytes of a message"
+                reason = kind if length else "its type is not defined, nested too deep, or in itself"
+                log.leave_out(self.message_name, self.message_name, 0, reason)
+                raise ValueError(reason)  # the library goes on with the next
+            cells.remaining -= length
+            super()._parse_format(message_formats) if cells.remaining > 0 else None
+
+    class BoundedULog(ULog):  # type: ignore[misc]
+        _MessageAddLogged = Subscription
+
+        def _check_packet_corruption(self, header: Any) -> bool:
+            if self._file_handle.tell() >= size:  # it would go back by more than it has read, without end
+                raise ValueError("a message is cut off")
+            return bool(super()._check_packet_corruption(header))
+
+    file = BoundedULog(path)
+    cells.count_cells(0)
     several = {topic.name for topic in file.data_list if topic.multi_id > 0}
     for topic in file.data_list:
         columns = dict(topic.data)
         cells.count_cells(sum(map(len, columns.values())))
+        if "timestamp" not in columns:
+            log.leave_out(topic.name, topic.name, max(map(len, columns.values()), default=0), "without times")
+            continue
         boot_ns = np.minimum(columns.pop("timestamp"), _LATEST_US).astype(np.int64) * 1000
         name = f"{topic.name}[{topic.multi_id}]" if topic.name in several else topic.name
         fields = {field: (values, "", "") for field, values in columns.items() if "_padding" not in field}
         log.add_topic(name, topic.name, fields, {"boot": boot_ns})
-    size, sound_bytes = Path(path).stat().st_size, _sound_bytes_of_ulog(path)
+    sound_bytes = _sound_bytes_of_ulog(path)
     if sound_bytes < size:
         where = f"damaged, or cut short, at byte {sound_bytes:,} of {size:,}"
         log.remarks.append(f"the log is {where}: what the library finds intact is read")
+    elif file.file_corruption:
+        log.remarks.append("messages of topics, or of lengths, that the log does not define are left out")
     if file.dropouts:
         lost_s = sum(dropout.duration for dropout in file.dropouts) / 1000.0
         log.remarks.append(f"the autopilot could not write {len(file.dropouts):,} times, {lost_s:.1f} s together")
@@ -551,7 +682,18 @@ def read_dataflash(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any
         if _FORMAT_LINE.search(head) is None:
             raise foreign_reader.RefusedError("it does not begin as a DataFlash log of ArduPilot")
         return _read_dataflash_text(path, cells)
-    reader, log = DFReader_binary(path), LogContent(cells)
+
+    class Reader(DFReader_binary):  # type: ignore[misc]
+        offset: int
+
+        def _parse_next(self) -> Any:
+            begin, message = self.offset, super()._parse_next()
+            self.offset = max(
+                self.offset, begin + 1
+            )  # a message that states no length would come again without end
+            return message
+
+    reader, log = Reader(path), LogContent(cells)
     names = {number: entry.name for number, entry in reader.formats.items()}
     counts = {names[number]: len(offsets) for number, offsets in enumerate(reader.offsets) if len(offsets)}
     for kind, count in counts.items():
@@ -577,6 +719,7 @@ def read_dataflash(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any
         instance = f"[{values.pop(entry.instance_field)}]" if entry.instance_field in values else ""
         units.setdefault(kind + instance, {name: entry.get_unit(name) or "" for name in entry.columns})
         log.add_message(kind + instance, kind, values, min(int(time_us), _LATEST_US) * 1000)
+    reader.close()
     return _since_boot(log, units)
 
 
@@ -634,6 +777,7 @@ def read_mdf(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     from asammdf import MDF
 
     log = LogContent(cells)
+    _refuse_circular_mdf(path)
     with MDF(path) as file:
         clock, start_ns = _start_of_measurement(file)
         log.about = str(file.header.description or "")
@@ -672,6 +816,26 @@ def read_mdf(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     return log.as_dict()
 
 
+def _refuse_circular_mdf(path: str) -> None:
+    """Raises RefusedError for an MDF 4 whose groups or channels follow upon themselves: the library never ends."""
+    with Path(path).open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+
+        def chain(place: int, link: int) -> Iterator[int]:
+            """The blocks that follow each other from the link of a block on."""
+            at, seen = int.from_bytes(data[place + 24 + 8 * link : place + 32 + 8 * link], "little"), set[int]()
+            while 0 < at < len(data):
+                if at in seen:
+                    raise foreign_reader.RefusedError("it is damaged: its blocks follow upon themselves")
+                seen.add(at)
+                yield at
+                at = int.from_bytes(data[at + 24 : at + 32], "little")
+
+        if data[8:9] == b"4":  # the header's first link is the first group of data, their second what is below them
+            for group in chain(_MDF_HEADER_AT, 0):
+                for channels in chain(group, 1):
+                    deque(chain(channels, 1), maxlen=0)
+
+
 def _start_of_measurement(file: Any) -> tuple[str, int]:
     """The clock and the start [ns since 1970] of an MDF measurement: "stamp" for UTC, "local" without a zone.
 
@@ -708,8 +872,9 @@ def read_tdms(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
     with Path(path).open("rb") as stream:
         stated, end = _stated_in_tdms(stream)
     with Path(path).open("rb") as stream, TdmsFile.open(stream, raw_timestamps=True) as file:
+        cells.count_cells(sum(len(channel) for group in file.groups() for channel in group.channels()))
+        file._read_data(file._reader)  # at once: of one channel it passes over those before it, each time
         for group in file.groups():
-            cells.count_cells(sum(map(len, group.channels())))
             waveforms: dict[tuple[Any, ...], dict[str, tuple[Any, str, str]]] = {}
             has_times = any(  # a channel that states the times of the others, by its type or its name
                 len(channel) > 0 and (channel.dtype.kind == "M" or _TIME_NAME.search(channel.name.lower()))
@@ -879,7 +1044,7 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
             log.leave_out(path, "", values.size, _NO_COLUMN)
             continue
         calendar = _decoded_text(attributes.get("calendar", foreign_reader.CALENDARS[0]))
-        if calendar.lower() not in foreign_reader.CALENDARS:
+        if calendar.lower() not in (*foreign_reader.CALENDARS, "tai"):
             log.leave_out(path, "", values.size, f"its times are of the calendar {calendar!r}")
             continue
         *above, name = _STROKES.split(path)
@@ -894,12 +1059,7 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
                 log.leave_out(path, "", values.size, _NO_COLUMN)
         else:
             parts = {name: values}
-        unit = next(
-            (_decoded_text(attributes[key]) for key in ("units", "unit", "Units", "Unit") if key in attributes), ""
-        )
-        meaning = next(
-            (_decoded_text(attributes[key]) for key in ("long_name", "description") if key in attributes), ""
-        )
+        unit, meaning = _stated_unit_and_meaning(name, attributes)
         for field, column in parts.items():
             entry = (column / np.timedelta64(1, "ns"), "ns", meaning) if column.dtype.kind == "m" else (
                 _plain_cells(column), unit, meaning
@@ -916,6 +1076,16 @@ def _add_arrays(log: LogContent, arrays: Mapping[str, tuple[Any, Mapping[str, An
                 log.leave_out(f"{stem}/{field}".strip("/"), "", len(values), "without times")
         elif set(members) != set(shared):
             log.add_topic(stem, "", {**shared, **members})
+
+
+def _stated_unit_and_meaning(name: str, attributes: Mapping[str, Any]) -> tuple[str, str]:
+    """An array's unit and meaning by its attributes; the unit of times of TAI says so."""
+    texts = {key: _decoded_text(value) for key, value in attributes.items()}
+    unit = next((texts[key] for key in ("units", "unit", "Units", "Unit") if key in texts), "")
+    meaning = next((texts[key] for key in ("long_name", "description") if key in texts), "")
+    if _TIME_NAME.search(name.lower()) and any(map(names_tai, texts.values())) and not names_tai(unit):
+        unit = f"{unit} TAI".strip()
+    return unit, meaning
 
 
 def _split_columns(values: Any, attributes: Mapping[str, Any]) -> dict[str, Any]:
@@ -1036,9 +1206,9 @@ def _add_object(log: LogContent, entry: dict[str, Any]) -> None:
     inner = next((content[key] for key in _VALUE_KEYS if isinstance(content.get(key), dict)), None)
     if inner is not None and len(content) <= 2:
         inner_key, inner_moment = _stated_moment(inner) if moment is None else ("", None)
-        moment = moment if inner_moment is None else inner_moment
+        moment_key, moment = (moment_key, moment) if inner_moment is None else (inner_key, inner_moment)
         content = {key: value for key, value in inner.items() if key != inner_key}
-    log.add_message(topic, "", content, 0, moment)
+    log.add_message(topic, "", content, 0, moment, moment_key=moment_key)
 
 
 def _stated_moment(members: Mapping[str, Any]) -> tuple[str, Any]:

@@ -22,7 +22,7 @@ import pandas as pd
 
 from seatrial.acquisition.core import files, process, quantities
 from seatrial.acquisition.core.errors import RECORD_A_LOG, InputError
-from seatrial.acquisition.core.times import DAY_NS, zone_offset_s
+from seatrial.acquisition.core.times import DAY_NS, names_tai, zone_offset_s
 from seatrial.acquisition.core.trial import NANO, Trial
 from seatrial.acquisition.tables.foreign_reader import CALENDARS, DAMAGED, GROUPS
 
@@ -313,6 +313,7 @@ def parse_numbers(raw: RawTable, name: str) -> quantities.Floats:
 
 
 _HDF5, _USER_BLOCK_BYTES = b"\x89HDF", 512
+_GPS_EPOCH = pd.Timestamp("1980-01-06")
 _SINCE = re.compile(r"(\w+) since (.+)", re.IGNORECASE)
 _MOMENT = re.compile(
     r"(?P<moment>(?:\d{4}(?:-\d{1,2}(?:-\d{1,2})?)?|\d{4}/\d{1,2}/\d{1,2}|\d{8}|\d{1,2}[- ][A-Za-z]{3}[- ]\d{4})"
@@ -438,12 +439,16 @@ def read_netcdf(path: Path) -> RawTable:
     frame = pd.DataFrame({name: values for name, (_, values, _) in series.items()})
     unit, calendar = (str(series[time][2].get(key, default)) for key, default in _TIME_ATTRIBUTES.items())
     since = times_since(frame[time].to_numpy(), unit, path, calendar)
-    frame[time] = frame[time] if since is None else since
+    is_tai = any(map(names_tai, (time, *map(str, series[time][2].values()))))
+    if since is not None:
+        frame[time] = since.tz_localize(None) if is_tai else since
+        remarks += filter(None, [gps_remark(time, unit)])
     units = {
         name: str(metadata["units"])
         for name, (_, _, metadata) in series.items()
         if "units" in metadata and (name != time or since is None)
     }
+    units |= {time: f"{units.get(time, '')} TAI".strip()} if is_tai else {}
     meanings = {
         name: str(meaning)
         for name, (_, _, metadata) in series.items()
@@ -466,8 +471,8 @@ def times_since(
 ) -> pd.DatetimeIndex | None:
     """Times that are counted in a unit such as ``days since 1990-01-01`` (CF-1.11, 4.4); None for any other.
 
-    Without a zone the moment is of UTC. Raises :class:`InputError` for a moment that is no date, or too early, and
-    for another calendar than ours.
+    Without a zone the moment is of UTC; those of TAI are returned on that clock. Raises :class:`InputError` for a
+    moment that is no date, or too early, and for another calendar than ours.
     """
     since = _SINCE.fullmatch(unit.strip())
     if since is not None and since[1].lower() in _UNEVEN:
@@ -478,7 +483,7 @@ def times_since(
     if (start := _plain_moment(since[2])) is None:
         fix = "write it as 2026-05-17 12:00:00 +00:00"
         raise InputError(f"its times count from {since[2]!r}, no plain date", where=str(path), fix=fix)
-    if calendar.lower() not in CALENDARS:
+    if calendar.lower() not in (*CALENDARS, "tai"):
         why = f"they are of the calendar {calendar!r}"
         raise InputError("its times are no dates", where=str(path), why=why, fix="write them in the usual calendar")
     if start < _GREGORIAN and calendar.lower() != "proleptic_gregorian":
@@ -497,10 +502,26 @@ def times_since(
     return pd.DatetimeIndex(np.where(is_time, ns.view("datetime64[ns]"), np.datetime64("NaT")), tz="UTC")
 
 
+def gps_remark(name: str, unit: str) -> str:
+    """What is said of times that count from where GPS time does; empty for others.
+
+    >>> gps_remark("time", "days since 1980-01-01")
+    ''
+    """
+    since = _SINCE.fullmatch(unit.strip())
+    if since is None or _plain_moment(since[2]) != _GPS_EPOCH:
+        return ""
+    return (
+        f"{name!r} counts from 1980-01-06, as GPS does, and is taken for UTC; without leap seconds it is ahead by"
+        " them, 18 s since 2017: --answer zone=GPS"
+    )
+
+
 def _plain_moment(text: str) -> pd.Timestamp | None:
     """The moment in UTC that a text states; None for one that may be several, or is none."""
     match = _MOMENT.fullmatch(text.strip())
-    offset_s = zone_offset_s(match["zone"] or "UTC") if match else None
+    zone = (match["zone"] or "UTC") if match else ""
+    offset_s = 0 if names_tai(zone) else zone_offset_s(zone)
     if match is None or offset_s is None:
         return None
     with suppress(ValueError):

@@ -115,7 +115,8 @@ class TimeColumn:
     Seconds, or counts of another ``unit``, start at ``start``, at the local time in ``zone`` that the file's name
     holds in the form ``in_name`` (of :meth:`datetime.strptime`, or "text"), which is that of the first row, or of
     the last if ``name_tells`` is "end", or at the time in the lines before the header (``in_head``); without these
-    in 1970. For other formats ``start`` is the first row's time, if the clock that wrote them was wrong.
+    in 1970, and they are of GPS time or TAI if that is the ``zone``. For other formats ``start`` is the first row's
+    time, if the clock that wrote them was wrong.
 
     ``format`` may be "text" for any usual date and time, with the numbers in ``order``, and of the ``year`` if they
     state none; "excel" or "matlab" for serial days; or a form of :meth:`datetime.strptime`, to which fractions of a
@@ -275,7 +276,8 @@ def _spread_repeated_stamps(time_ns: Ints, raw: RawTable, time: TimeColumn) -> t
 
 def standard_time_column(raw: RawTable, name: str = "time") -> TimeColumn:
     """The time column of a table in the contract's form: seconds since 1970, or ISO 8601."""
-    return TimeColumn(name, "seconds" if pd.api.types.is_numeric_dtype(raw.columns[name]) else "iso")
+    form = "seconds" if pd.api.types.is_numeric_dtype(raw.columns[name]) else "iso"
+    return TimeColumn(name, form, TAI if times.names_tai(raw.units.get(name, "")) else None)
 
 
 def parse_times(raw: RawTable, name: str) -> pd.DatetimeIndex:
@@ -290,7 +292,8 @@ def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
         return _times_of_parts(raw, time)
     if time.format == "seconds":
         local_ns = _times_from_counts(raw, column, time)
-        return local_ns, np.ones(local_ns.size, dtype=bool)
+        is_atomic = time.zone in times.ATOMIC_CLOCKS and time.in_name is None and not time.in_head
+        return local_ns, np.full(local_ns.size, not is_atomic)
     if time.format in SERIAL_DAYS:
         since, number = SERIAL_DAYS[time.format]
         days = pd.to_numeric(column, errors="coerce") - number
@@ -614,8 +617,8 @@ def start_time_in_file_name(name: str) -> str | None:
     return pd.Timestamp(stamp.local_ns(stamp.orders[0])).isoformat()
 
 
-GPS = "GPS"
-"""The zone of GPS time, which is ahead of UTC by the leap seconds since 1980."""
+GPS, TAI = "GPS", "TAI"
+"""The zones of clocks without leap seconds: GPS time is ahead of UTC by those since 1980, TAI by 19 s more."""
 _CLOSE_NS = 300 * trial.NANO  # rows no further apart have no hour between them
 _FALL_NS = 60 * trial.NANO  # rows out of order go back by less, a clock that is set back by more
 
@@ -626,10 +629,10 @@ def checked_zone(zone: str) -> str:
     >>> checked_zone("UTC+02:00"), checked_zone("CEST"), checked_zone("Europe/Oslo")
     ('UTC+02:00', 'CEST', 'Europe/Oslo')
     """
-    if zone == GPS or zone in times.zone_names() or times.zone_offset_s(zone) is not None:
+    if zone in times.ATOMIC_CLOCKS or zone in times.zone_names() or times.zone_offset_s(zone) is not None:
         return zone
     why = "stands for several time zones" if times.is_ambiguous_zone(zone) else "is no time zone"
-    raise ValueError(f"{why}; write UTC, an offset like +02:00, GPS, or a name like Europe/Oslo")
+    raise ValueError(f"{why}; write UTC, an offset like +02:00, GPS, TAI, or a name like Europe/Oslo")
 
 
 def local_times_to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
@@ -639,11 +642,14 @@ def local_times_to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
     changed: all rows then have the offset of the time before. A single row in an hour that does not exist has the
     offset before it.
     """
-    if zone == GPS:
+    if zone in times.ATOMIC_CLOCKS:
         ahead_s_of_rows = np.array(
-            [times.gps_minus_utc_s(instant_ns) for instant_ns in local_ns.tolist()], dtype=np.int64
+            [times.atomic_minus_utc_s(zone, instant_ns) for instant_ns in local_ns.tolist()], dtype=np.int64
         )
-        return local_ns - trial.NANO * ahead_s_of_rows, ""
+        remark = (
+            f"times are of TAI, {ahead_s_of_rows[0]} s ahead of UTC, which are taken off" if zone == TAI else ""
+        )
+        return local_ns - trial.NANO * ahead_s_of_rows, remark
     ahead_s = times.zone_offset_s(zone)
     if ahead_s is not None and zone not in times.zone_names():
         return local_ns - ahead_s * trial.NANO, ""

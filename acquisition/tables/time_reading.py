@@ -27,6 +27,7 @@ _EPOCHS = {"s": (3e8, 3e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17,
 """The range of counts since 1970, of the years 1979 to 2065, or 2096."""
 _SINCE_1904, _SECONDS_SINCE_1904 = "s since 1904", (3e9, 4e9)
 """LabVIEW's time, and its seconds of the years 1999 to 2030."""
+_TAI_START = "1958-01-01T00:00:00+00:00"
 _LABVIEW_START = "1904-01-01T00:00:00+00:00"
 _COARSE_STEP, _COARSE_FROM_S = 20.0, 9.5e8  # counts that go in such steps are no seconds of before the year 2000
 _SERIALS = {
@@ -238,6 +239,13 @@ def _note_count_column(draft: MappingDraft, column: str) -> None:
         elapsed = pd.Timedelta(int(draft.filled_cells(column).iloc[0]) * time_columns.NS_IN[unit], "ns")
         entry["start"] = (pd.Timestamp(start) - elapsed).isoformat()
         why = f"{unit}; the first row is of {start}, as answered"
+    elif clock := _clock_of_counts(draft, column):
+        entry["zone"], why = clock, f"{why}, of {clock}"
+        if clock == time_columns.TAI and _are_later_than_file(draft, column, unit):
+            entry["start"], why = (
+                _TAI_START,
+                f"{unit} since 1958, of TAI: since 1970 they would be of after the file",
+            )
     return _note_time_column(draft, entry, [], why, zoned=True)
 
 
@@ -249,10 +257,10 @@ def _start_of_gps_seconds(draft: MappingDraft, column: str, unit: str) -> str:
     words = set(split_into_words(column))
     if not words & (_GPS_WORDS | {"gps"}):
         return ""
+    if _are_later_than_file(draft, column, unit, _GPS_EPOCH.value):
+        return ""
     since_ns = int(np.nanmedian(draft.numbers_or_nan(column)) * time_columns.NS_IN[unit])
     gps_ns = _GPS_EPOCH.value + since_ns
-    if gps_ns > draft.raw.path.stat().st_mtime_ns + times.DAY_NS:
-        return ""
     dates = [pd.Timestamp(ns).date() for ns in (since_ns, gps_ns)]
     text = (
         f"does {column!r} count from 1970, and its rows are of {dates[0]}, or from 1980 as GPS does, of {dates[1]}?"
@@ -260,6 +268,26 @@ def _start_of_gps_seconds(draft: MappingDraft, column: str, unit: str) -> str:
     if draft.ask("since", text, ("1970", "1980")) != "1980":
         return ""
     return f"{(_GPS_EPOCH - pd.Timedelta(times.gps_minus_utc_s(gps_ns), 's')).isoformat()}+00:00"
+
+
+def _are_later_than_file(draft: MappingDraft, column: str, unit: str, start_ns: int = 0) -> bool:
+    """Whether counts since a start [ns since 1970] would be of more than a day after their file's last change."""
+    since_ns = np.nanmedian(draft.numbers_or_nan(column)) * time_columns.NS_IN[unit]
+    return bool(start_ns + since_ns > draft.raw.path.stat().st_mtime_ns + times.DAY_NS)
+
+
+def _clock_of_counts(draft: MappingDraft, column: str) -> str:
+    """The clock without leap seconds that counts are of, as answered or by their name; empty for UTC."""
+    clock = _zone_in_name(f"{column} {draft.raw.units.get(column, '')}")
+    if draft.answers.get("zone") in (*times.ATOMIC_CLOCKS, "UTC"):
+        clock = draft.ask("zone", "") or ""
+    elif clock == time_columns.GPS:
+        draft.warnings.append(
+            f"{column!r} is taken for UTC; GPS time is ahead of it by the leap seconds, 18 s since 2017; if it is"
+            " that: --answer zone=GPS"
+        )
+        return ""
+    return clock if clock in times.ATOMIC_CLOCKS else ""
 
 
 def _warn_of_rounded_days(draft: MappingDraft, column: str) -> None:
@@ -406,9 +434,12 @@ def _note_time_column(
     if zoned and "zone" in draft.answers and entry["format"] != "seconds":
         entry["zone"], entry["zone_in_text"] = draft.ask("zone", ""), "ignored"
         why = f"{why}; {entry['zone']} as answered, what the text names is ignored"
+    elif zoned and times.names_tai(column) and entry["format"] != "seconds":
+        draft.ask("zone", f"{column!r} is called after TAI and its times name a zone: which is it?", ("TAI", "UTC"))
     elif not zoned:
         ambiguous_zone = next((stamp.zone for stamp in stamps if stamp.zone), "")
-        entry["zone"], reason = _resolve_zone(draft, entry, ambiguous_zone)
+        clock = time_columns.TAI if stamps and all(times.names_tai(stamp.text) for stamp in stamps) else ""
+        entry["zone"], reason = _resolve_zone(draft, entry, ambiguous_zone, clock)
         why = "; ".join(part for part in (why, reason) if part)
     if "start" in draft.answers and entry["format"] != "seconds":
         entry["start"] = time_columns.add_zone_to_instant(draft.ask("start", "") or "")
@@ -417,13 +448,14 @@ def _note_time_column(
     draft.note_interpretation(column, "time", unit or entry.get("unit", ""), why)
 
 
-def _resolve_zone(draft: MappingDraft, entry: Mapping[str, Any], ambiguous: str) -> tuple[str, str]:
+def _resolve_zone(draft: MappingDraft, entry: Mapping[str, Any], ambiguous: str, clock: str) -> tuple[str, str]:
     """The zone that an answer or the columns' names state, else UTC; and why.
 
-    ``ambiguous`` is an abbreviation of several zones in the cells, if there is one.
+    ``ambiguous`` is an abbreviation of several zones in the cells, ``clock`` one without leap seconds, if there is
+    one.
     """
     column = entry["column"]
-    name = f"{column} {draft.raw.units.get(column, '')} {entry.get('date', '')}"
+    name = f"{column} {draft.raw.units.get(column, '')} {entry.get('date', '')} {clock}"
     stated = time_columns.GPS if entry["format"] == time_columns.GPS_WEEK else _zone_in_name(name)
     if "zone" not in draft.answers and not ambiguous and not times.is_ambiguous_zone(stated) and stated:
         if stated == time_columns.GPS:
@@ -489,8 +521,10 @@ def _is_zone(text: str) -> bool:
 
 
 def _zone_in_name(name: str) -> str:
-    """The zone in a column's name: an offset, a name, an abbreviation, UTC, or GPS time; empty for none."""
+    """The zone in a column's name: an offset, a name, an abbreviation, UTC, GPS time or TAI; empty for none."""
     words = set(re.findall(r"[a-z]+", name.lower()))
+    if times.names_tai(name):
+        return time_columns.TAI
     if match := _OFFSET.search(name):
         return re.sub(r"\s", "", match[0])
     for zone in re.findall(r"[A-Z]\w+/[\w/]+", name):

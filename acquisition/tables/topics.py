@@ -527,7 +527,10 @@ def _topic_of(
     answers: Mapping[str, str],
 ) -> LogTopic:
     """A topic as a reader found it, with its clock settled and its fields in the product's frames."""
-    name, fields = entry["name"], {key: log_frames.LogField(*parts) for key, parts in entry["fields"].items()}
+    name = entry["name"]
+    fields = {
+        key: _unit_of_meaning(name, key, log_frames.LogField(*parts)) for key, parts in entry["fields"].items()
+    }
     stated, draft = entry["times"], evidence.MappingDraft(table_files.RawTable(path, pd.DataFrame()), answers)
     if "boot" in stated:
         clock = "the autopilot's clock, set by GPS" if offset_ns else "counted from the start of the log"
@@ -590,7 +593,10 @@ def _times_of_local_clock(local_ns: Ints, draft: evidence.MappingDraft) -> tuple
 
 def _settle_clock(stated: Mapping[str, Ints], lag_ns: int) -> tuple[Ints, str, list[str]]:
     """The times of messages by their own stamps, else by the log's; why not by the stamps is a remark."""
-    stamp, log = stated.get("stamp"), stated.get("log")
+    stamp, log, clock = stated.get("stamp"), stated.get("log"), "header stamp"
+    published = stated.get("published")
+    if stamp is None and published is not None and log is not None and np.any(published != log):
+        stamp, clock = published, "publish time"
     if stamp is None and log is not None:
         if abs(lag_ns) > _LONGEST_LAG_S * NANO:
             moved = f"log time less the {lag_ns / NANO:.3f} s by which it is ahead of the other topics' stamps"
@@ -612,7 +618,7 @@ def _settle_clock(stated: Mapping[str, Ints], lag_ns: int) -> tuple[Ints, str, l
         stamp = np.where(stamp > 0, stamp, log - _median_ns((log - stamp)[stamp > 0]))
     lag_s = float(np.median(log - stamp)) / NANO
     late = [f"its stamps are {lag_s:.3f} s behind the log's times"] if abs(lag_s) > _LONGEST_LAG_S else []
-    return stamp, "header stamp", late
+    return stamp, clock, late
 
 
 def _lag_ns(topics: list[Mapping[str, Any]]) -> int:
@@ -675,7 +681,10 @@ def _times_in_fields(
             remarks.append(f"of {key!r}, {error.what}")
             continue
         if since is not None:
-            fields = {**fields, key: log_frames.LogField(since.to_numpy(), "", entry.meaning)}
+            is_tai = times.names_tai(f"{key} {entry.unit} {entry.meaning}")
+            stamps, zone = (since.tz_localize(None), "TAI") if is_tai else (since, "")
+            fields = {**fields, key: log_frames.LogField(stamps.to_numpy(), zone, entry.meaning)}
+            remarks += filter(None, [table_files.gps_remark(key, entry.unit)])
     frame = pd.DataFrame({key: pd.Series(entry.samples) for key, entry in fields.items()})
     raw = table_files.RawTable(path, frame.infer_objects(), units=_unit_by_column(fields))
     draft = evidence.MappingDraft(raw, answers)
@@ -695,6 +704,22 @@ def _times_in_fields(
     if not has_time.all():
         remarks.append(f"{int(np.count_nonzero(~has_time)):,} rows have no time that can be read; they are dropped")
     return timed.index.asi8[has_time], f"its column {time.column!r}", remaining, remarks, draft
+
+
+def _unit_of_meaning(topic: str, path: str, entry: log_frames.LogField) -> log_frames.LogField:
+    """A field with the unit that its description states, such as "Speed over ground [kn]" or "deg/min".
+
+    The words of topic and path that tell actuators apart stay with it.
+    """
+    if not entry.meaning:
+        return entry
+    if units := column_names.parse_units(entry.meaning):
+        return log_frames.LogField(entry.samples, entry.unit or units[0])
+    head = column_names.split_header(entry.meaning)
+    words = set(column_names.split_into_words(head.name))
+    place = _place_words(set(column_names.split_into_words(f"{topic} {path}"))) - words
+    unit = entry.unit or (head.text if head.units else "")
+    return log_frames.LogField(entry.samples, unit, " ".join([*sorted(place), head.name]))
 
 
 def plain_meaning(

@@ -109,6 +109,9 @@ def test_zone_of_the_header_is_told_as_it_is_taken(tmp_path: Path, monkeypatch: 
     assert seconds(frames) == pytest.approx([0.1 - 7200.0])
     assert "this machine's local time" in source.remark
     assert "UTC" not in source.remark
+    assert "comes twice" not in source.remark
+    source, _ = opened(tmp_path / "b", "date Sun Oct 26 02:30:00.000 am 2025", BASE, f"   0.100000 1  {FRAME}")
+    assert "comes twice" in source.remark
 
 
 @pytest.mark.parametrize("counts_on", [True, False])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import re
 import time
 from itertools import pairwise
@@ -370,6 +371,37 @@ def test_date_of_candump_without_a_zone_is_told_as_local(tmp_path: Path, monkeyp
     (frame,) = source.read(0.0) or []
     assert frame.received_ns == 1_779_019_200_100_000_000
     assert "this machine's local time" in source.remark
+    source.close()
+    monkeypatch.undo()
+    time.tzset()
+
+
+@pytest.mark.parametrize(
+    ("hours", "is_open"),
+    [
+        ("23:30:00 23:59:59 00:00:00 00:59:59 01:00:00 01:30:00", False),  # from before to after
+        ("00:30:00 00:59:59 01:00:00 01:30:00", False),  # begins in the first of the two hours
+        ("01:30:00 01:59:59 02:00:00 02:30:00", False),  # begins in the second
+        ("00:30:00 00:45:00", True),
+    ],
+)
+def test_hour_that_comes_twice_is_told_by_the_order_of_lines(
+    hours: str, is_open: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In candump's local times; the second had been told as a clock that was set back, and dated an hour early."""
+    monkeypatch.setenv("TZ", "Europe/Oslo")
+    time.tzset()
+    utc = [dt.datetime.fromisoformat(f"2025-10-25T{text}+00:00") for text in hours.split()]
+    utc = [moment + dt.timedelta(days=moment.hour < 12) for moment in utc]
+    local = [f" ({moment.astimezone():%Y-%m-%d %H:%M:%S}.000000)  can0  123   [2]  05 A0\n" for moment in utc]
+    (tmp_path / "a.log").write_text("".join(local))
+    source = can_file(tmp_path / "a.log")
+    source.open()
+    assert [frame.received_ns for frame in source.read(0.0) or []] == [
+        int(moment.timestamp()) * 10**9 for moment in utc
+    ]
+    assert ("comes twice" in source.remark) == is_open
+    assert "go back" not in source.remark
     source.close()
     monkeypatch.undo()
     time.tzset()

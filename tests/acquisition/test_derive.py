@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cmath
-from math import atan2, cos, degrees, hypot, pi, radians
+from math import atan2, degrees, hypot, pi, radians
 
 import pymap3d
 import pytest
@@ -311,7 +311,23 @@ def test_what_cannot_be_true_makes_nothing_that_looks_true(said: dict[str, float
     )  # by the good variation
     ship.says("line/g:VTG", 0.1, course_over_ground_deg=90.0, speed_over_ground_mps=5.0)
     assert ship.values["heading_deg"] == before["heading_deg"]
-    assert ship.values["surge_mps"] == pytest.approx(5.0 if not allowed else 5.0 * cos(radians(14.0)))
+    assert ship.values["surge_mps"] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("message", ["127250", "127250 magnetic derived"])
+def test_velocity_is_turned_by_the_compass_that_has_the_channel(message: str) -> None:
+    """Of two on a line, the one that sent last had turned it: surge and sway did not fit the recorded heading."""
+    derivation, courses = Derivation(TRIAL, frozenset({"bus"})), []
+    for at_s in (0.0, 0.5, 1.0, 4.0):  # at last the first is silent
+        first = group("bus/10:127250", at_s, heading_deg=30.0) if at_s < 4.0 else []
+        for sample in derivation.derive_channels(first)[0]:
+            derivation.remember_channel_sample(sample)
+        derivation.derive_channels(group(f"bus/20:{message}", at_s + 0.1, heading_deg=35.0))
+        speeds = {"course_over_ground_deg": 40.0, "speed_over_ground_mps": 5.0}
+        samples, _ = derivation.derive_channels(group("bus/3:129026", at_s + 0.2, **speeds))
+        values = {sample.quantity: sample.value for sample in samples}
+        courses.append(degrees(atan2(values["sway_mps"], values["surge_mps"])))
+    assert courses == pytest.approx([10.0, 10.0, 10.0, 5.0])
 
 
 def test_a_heading_that_is_refused_turns_no_velocity() -> None:

@@ -8,6 +8,7 @@ import pty
 import re
 import select
 import socket
+import struct
 import threading
 import time
 import tty
@@ -276,6 +277,23 @@ def test_a_gateway_whose_clock_was_never_set_takes_the_buss(tmp_path: Path) -> N
     assert [frame.received_ns for frame in frames] == [f.time_ns for f in FRAMES]
 
 
+def test_weeks_of_a_bus_that_have_rolled_over_date_a_log_and_are_said(tmp_path: Path) -> None:
+    """Of a log whose own times count from its beginning; it was dated by the moment of reading."""
+    lines = []
+    for frame in FRAMES:
+        payload = frame.payload
+        if frame.identifier >> 8 & 0x1FFFF == 126992:
+            payload = (
+                payload[:2] + struct.pack("<H", int.from_bytes(payload[2:4], "little") - 7 * 1024) + payload[4:]
+            )
+        if frame.identifier >> 8 & 0x1FFFF != 129029:
+            since = f"({(frame.time_ns - START_NS) / 1e9:.6f})"
+            lines.append(f"{since} can0 {frame.identifier:08X}#{payload.hex().upper()}")
+    frames, source = read(written(tmp_path, "\n".join(lines).encode()))
+    assert "weeks have rolled over" in source.remark
+    assert abs(frames[0].received_ns - START_NS) < SECOND
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [
@@ -288,7 +306,8 @@ def test_a_gateway_whose_clock_was_never_set_takes_the_buss(tmp_path: Path) -> N
         (b"$HEHDT,12.3,T\n" * 9, r"sentences without a sound checksum \(\$HEHDT,12.3,T\)"),
         (b"Dear diary,\n\ntoday we sailed.\n", r"text \(Dear diary,\)"),
         (bytes(range(256)) * 9, "binary, and begins with 00 01 02 03"),
-        (bus_logs.pcap().replace(b"\xe3\0\0\0", b"\x01\0\0\0", 1), "capture of link type 1, which has no CAN"),
+        (bus_logs.pcap().replace(b"\xe3\0\0\0", b"\xc3\0\0\0", 1), "capture of link type 195, which has no CAN"),
+        (bus_logs.pcap().replace(b"\xe3\0\0\0", b"\x01\0\0\0", 1), "no packet of the capture has a CAN frame"),
     ],
 )
 def test_what_holds_nothing_says_what_it_looks_like(tmp_path: Path, data: bytes, message: str) -> None:
@@ -297,6 +316,53 @@ def test_what_holds_nothing_says_what_it_looks_like(tmp_path: Path, data: bytes,
     with pytest.raises(SourceError, match=rf"nothing in it can be recorded: .*{message}.*; supported are candump"):
         recorded(tmp_path, 'type = "file"\npath = "a log"\n')
     assert list((tmp_path / "out").iterdir()) == []
+
+
+SENTENCE = b"$HEHDT,12.3,T*1F\r\n"
+
+
+def captured_datagram(payload: bytes, *, fragment: int = 0, link: int = 1, captured_bytes: int = 9999) -> bytes:
+    """A packet of UDP as a capture of a link has it."""
+    udp = struct.pack(">HHHH", 5000, 60001, 8 + len(payload), 0) + payload
+    head = struct.pack(
+        ">BBHHHBBH4s4s", 0x45, 0, 20 + len(udp), 7, fragment, 64, 17, 0, b"\x0a\0\0\x08", b"\xef\xc0\0\1"
+    )
+    before = {1: bytes(12) + b"\x81\0\0\5\x08\0", 113: bytes(14) + b"\x08\0", 101: b""}[link]
+    return (before + head + udp)[:captured_bytes] + bytes(4 if captured_bytes == 9999 else 0)
+
+
+def capture(*packets: bytes, order: str = "<", is_in_ns: bool = False, link: int = 1) -> bytes:
+    log = struct.pack(f"{order}IHHiIII", 0xA1B23C4D if is_in_ns else 0xA1B2C3D4, 2, 4, 0, 0, 65_535, link)
+    for second, packet in enumerate(packets, START_NS // SECOND):
+        fraction = 250_000_000 if is_in_ns else 250_000
+        log += struct.pack(f"{order}IIII", second, fraction, len(packet), len(packet) + 1) + packet
+    return log
+
+
+@pytest.mark.parametrize("link", [1, 113, 101])
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_sentences_in_captured_datagrams_are_read(order: str, link: int, tmp_path: Path) -> None:
+    packets = [captured_datagram(b"UdPbC\0" + 2 * SENTENCE, link=link), captured_datagram(SENTENCE[:-2], link=link)]
+    frames, source = read(written(tmp_path, capture(*packets, order=order, is_in_ns=order == ">", link=link)))
+    assert [frame.payload.removeprefix(b"UdPbC\0") for frame in frames] == 3 * [SENTENCE.strip()]
+    first_ns = START_NS // SECOND * SECOND + SECOND // 4
+    assert [frame.received_ns - first_ns for frame in frames] == [0, 0, SECOND]
+    assert source.unreadable == 0
+
+
+def test_senders_of_captured_datagrams_are_kept_apart(tmp_path: Path) -> None:
+    packet = captured_datagram(SENTENCE)
+    frames, _ = read(written(tmp_path, capture(packet, packet.replace(b"\x0a\0\0\x08", b"\x0a\0\0\x09"))))
+    assert [frame.sender for frame in frames] == ["10.0.0.8:5000", "10.0.0.9:5000"]
+
+
+def test_datagrams_that_are_cut_give_their_whole_lines_and_are_counted(tmp_path: Path) -> None:
+    short = captured_datagram(2 * SENTENCE, captured_bytes=18 + 28 + len(SENTENCE) + 5)
+    parts = captured_datagram(SENTENCE, fragment=0x2000), captured_datagram(b"HDT,99.9,T\r\n", fragment=185)
+    other = captured_datagram(SENTENCE).replace(b"\x40\x11\0\0", b"\x40\x06\0\0")  # TCP
+    frames, source = read(written(tmp_path, capture(short, *parts, other, bytes(20))))
+    assert [frame.payload for frame in frames] == 2 * [SENTENCE.strip()]
+    assert source.unreadable == 2
 
 
 def test_a_recording_is_no_log_of_a_bus(tmp_path: Path) -> None:

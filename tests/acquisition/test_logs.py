@@ -574,6 +574,121 @@ def test_stamps_that_cannot_be_times_give_way_to_those_of_the_log(
     np.testing.assert_array_equal(topic.time_ns, ns - 5_000_000 if clock == "header stamp" else ns)
 
 
+def json_mcap(path: Path, properties: dict[str, Any], message: Callable[[int], dict[str, Any]], lag_ns: int) -> Any:
+    """The log of an MCAP file of JSON messages that were published ``lag_ns`` before they were logged."""
+    from mcap.writer import Writer
+
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("Nav", "jsonschema", json.dumps({"properties": properties}).encode())
+        channel = writer.register_channel("/nav", "json", schema)
+        for index in range(60):
+            ns = (log_trip.START_NS // NANO + index) * NANO
+            writer.add_message(channel, ns, json.dumps(message(ns)).encode(), publish_time=ns - lag_ns)
+        writer.finish()
+    form = log_format(path)
+    assert form is not None
+    (topic,) = read_log(path, form).topics
+    return topic
+
+
+@IN_PROCESS
+@pytest.mark.parametrize(
+    "stated",
+    [
+        lambda ns: {"timestamp": ns / 1e9}, lambda ns: {"timestamp": ns // 10**6}, lambda ns: {"timestamp_ns": ns},
+        lambda ns: {"utc_time": dt.datetime.fromtimestamp(ns // NANO, dt.UTC).isoformat()}, None,
+    ],
+    ids=["s", "ms", "ns", "text", "published"],
+)  # fmt: skip
+def test_messages_of_json_are_dated_by_their_own_stamps(stated: Any, tmp_path: Path) -> None:
+    """Or by when they were published: they had the times of the log, into which they came 3 s later."""
+    lag_ns = 3 * NANO
+    message = (lambda ns: {"heading": 1.0} | stated(ns - lag_ns)) if stated else lambda ns: {"heading": 1.0}
+    topic = json_mcap(tmp_path / "trip.mcap", {}, message, 0 if stated else lag_ns)
+    assert topic.time_ns.tolist() == [log_trip.START_NS // NANO * NANO + k * NANO - lag_ns for k in range(60)]
+    assert topic.clock == ("header stamp" if stated else "publish time")
+    assert "3.000 s behind the log's times" in " ".join(topic.remarks)
+
+
+@IN_PROCESS
+@pytest.mark.parametrize(
+    ("about", "unit", "meaning"),
+    [
+        ({"description": "Speed through water [kn]"}, "kn", "Speed through water"),
+        ({"description": "kn"}, "knots", "speed"),
+        ({"unit": "kn"}, "kn", "speed"),
+        ({"unit": "kn", "description": "Speed over ground"}, "kn", "Speed over ground"),
+        ({}, "", "speed"),
+    ],
+)
+def test_units_and_meanings_of_a_json_schema_are_read(
+    about: dict[str, str], unit: str, meaning: str, tmp_path: Path
+) -> None:
+    """Speed through water had become speed over ground."""
+    properties = {"log": {"type": "object", "properties": {"speed": about}}}
+    topic = json_mcap(tmp_path / "trip.mcap", properties, lambda ns: {"log": {"speed": 4.0}}, 0)
+    assert (topic.fields["log.speed"].unit, topic.fields["log.speed"].meaning) == (unit, meaning)
+
+
+@IN_PROCESS
+@pytest.mark.parametrize(("key", "ahead_s"), [("time_tai", 37), ("gps_time", 18), ("time", 0)])
+@pytest.mark.parametrize("in_mcap", [True, False])
+def test_clock_of_a_json_time_is_known_by_its_name(in_mcap: bool, key: str, ahead_s: int, tmp_path: Path) -> None:
+    """The column of times was called time, whatever the name was: 37 s and 18 s off."""
+    truth = log_trip.START_NS // NANO * NANO + np.arange(60) * NANO
+    if in_mcap:  # where the log's times are UTC
+        topic = json_mcap(tmp_path / "a.mcap", {}, lambda ns: {"heading": 1.0, key: ns / 1e9 + ahead_s}, 0)
+    else:
+        moments = [dt.datetime.fromtimestamp(int(ns) // NANO + ahead_s, dt.UTC) for ns in truth]
+        lines = [json.dumps({key: f"{moment:%Y-%m-%dT%H:%M:%S}", "heading": 1.0}) for moment in moments]
+        (tmp_path / "a.jsonl").write_text("\n".join(lines))
+        form = log_format(tmp_path / "a.jsonl")
+        assert form is not None
+        (topic,) = read_log(tmp_path / "a.jsonl", form).topics
+    np.testing.assert_array_equal(topic.time_ns, truth)
+
+
+@IN_PROCESS
+def test_entries_of_a_list_go_by_their_names(tmp_path: Path) -> None:
+    """By their places port and starboard were mixed where their order changes."""
+    engines = [{"name": "port", "rpm": 600.0}, {"name": "starboard", "rpm": -500.0}]
+    topic = json_mcap(
+        tmp_path / "trip.mcap", {}, lambda ns: {"engines": engines[:: -1 if ns // NANO % 2 else 1]}, 0
+    )
+    assert {path: set(field.samples) for path, field in topic.fields.items()} == {
+        "engines[port].rpm": {600.0}, "engines[starboard].rpm": {-500.0},
+    }  # fmt: skip
+
+
+@IN_PROCESS
+def test_broken_schema_costs_its_own_channel_alone(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    with (tmp_path / "trip.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channels = [
+            writer.register_channel(topic, encoding, writer.register_schema(topic, form, data))
+            for topic, encoding, form, data in (
+                ("/bad", "protobuf", "protobuf", b"\xff\xff\x01"), ("/good", "json", "jsonschema", b"{}"),
+            )
+        ]  # fmt: skip
+        for index in range(20):
+            for channel in channels:
+                writer.add_message(
+                    channel, log_trip.START_NS + index, b'{"heading": 1.0}', log_trip.START_NS + index
+                )
+        writer.finish()
+    form = log_format(tmp_path / "trip.mcap")
+    assert form is not None
+    log = read_log(tmp_path / "trip.mcap", form)
+    assert [topic.name for topic in log.topics] == ["/good"]
+    assert log.left_out["/bad"][1] == 20
+    assert "schema is broken" in log.left_out["/bad"][2]
+
+
 @IN_PROCESS
 def test_several_bags_of_one_trip_are_one_log(tmp_path: Path) -> None:
     truth = trip(300)
@@ -1240,6 +1355,108 @@ def test_ulog_says_where_it_is_damaged(kind: str, tmp_path: Path) -> None:
 
 
 @IN_PROCESS
+@pytest.mark.parametrize(
+    ("types", "reason"),
+    [
+        (["a:uint64_t timestamp;a[2] x;"], "in itself"),
+        ([f"{name}:uint64_t timestamp;{nested}[1000] x;" for name, nested in ("ab", "bc", "cd")] + ["d:float y;"],
+         "longer than the 65,535 bytes"),
+        (["a:uint64_t timestamp;nowhere x;"], "not defined"),
+        (["a:uint64_t time;float x;"], "without times"),
+    ],
+)  # fmt: skip
+def test_ulog_leaves_out_types_that_no_message_can_have(types: list[str], reason: str, tmp_path: Path) -> None:
+    """pyulog listed every element of nested arrays, 10^9 of them, and lost the other topics of a type in itself."""
+    source = tmp_path / "trip.ulg"
+    log_trip.write_ulog(source, trip(20))
+    whole = source.read_bytes()
+    first = 16 + 3 + 40  # after the header and the flags
+    formats = b"".join(struct.pack("<HB", len(text), ord("F")) + text.encode() for text in types)
+    topic = struct.pack("<HBBH", 4, ord("A"), 0, 9) + b"a" + struct.pack("<HBHQf", 14, ord("D"), 9, 1, 1.0)
+    source.write_bytes(whole[:first] + formats + whole[first:] + topic)
+    form = log_format(source)
+    assert form is not None
+    log = read_log(source, form)
+    assert len(log.topics) == 4
+    assert reason in log.left_out["a"][2]
+
+
+@IN_PROCESS
+def test_dataflash_message_that_states_no_length_has_an_end(tmp_path: Path) -> None:
+    """Pymavlink read it again and again, as its place is that of the next."""
+    source = tmp_path / "trip.bin"
+    log_trip.write_dataflash(source, trip(20))
+    form, whole = log_format(source), source.read_bytes()
+    assert form is not None
+    definition = b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", 1, 0, b"", b"", b"")
+    first = 89  # the definition of definitions
+    source.write_bytes(whole[:first] + definition + b"\xa3\x95\x01" + whole[first:])
+    with pytest.raises(ValueError, match="no message of motion"):
+        read_log(source, form)
+
+
+@IN_PROCESS
+def test_mdf_whose_groups_follow_upon_themselves_is_refused(tmp_path: Path) -> None:
+    """asammdf counted them until its time was over."""
+    pytest.importorskip("asammdf")
+    source = tmp_path / "trip.mf4"
+    log_trip.write_mdf(source, trip(20))
+    whole, header = bytearray(source.read_bytes()), 64
+    (group,) = struct.unpack_from("<Q", whole, header + 24)
+    struct.pack_into("<Q", whole, group + 24, group)
+    source.write_bytes(whole)
+    with pytest.raises(ValueError, match="follow upon themselves"):
+        read_log(source, log_format(source))  # type: ignore[arg-type]
+
+
+@IN_PROCESS
+def test_ulog_that_ends_within_a_broken_definition_is_refused(tmp_path: Path) -> None:
+    """pyulog went back by more than it had read, and never came to the end."""
+    source = tmp_path / "trip.ulg"
+    log_trip.write_ulog(source, trip(20))
+    source.write_bytes(source.read_bytes()[: 16 + 3 + 40] + struct.pack("<HB", 20_000, 0) + bytes(300))
+    with pytest.raises(ValueError, match="holds no topic"):
+        read_log(source, log_format(source))  # type: ignore[arg-type]
+
+
+@IN_PROCESS
+def test_ulog_says_that_messages_of_unknown_topics_are_left_out(tmp_path: Path) -> None:
+    source = tmp_path / "trip.ulg"
+    log_trip.write_ulog(source, trip(20))
+    form = log_format(source)
+    assert form is not None
+    assert not any("left out" in remark for remark in read_log(source, form).remarks)
+    with source.open("ab") as file:
+        file.write(struct.pack("<HBHQf", 14, ord("D"), 9, 21_000_000, 1.0))
+    assert any("does not define" in remark for remark in read_log(source, form).remarks)
+
+
+@IN_PROCESS
+def test_tdms_of_many_channels_is_read_in_one_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of one channel the library passes over all before it: 20,000 took more than a minute."""
+    from nptdms import ChannelObject, TdmsWriter
+    from nptdms.reader import TdmsReader
+
+    passes, read = [], TdmsReader.read_raw_data
+    monkeypatch.setattr(TdmsReader, "read_raw_data", lambda reader: passes.append(1) or read(reader))
+    monkeypatch.delattr(TdmsReader, "read_raw_data_for_channel")
+    about = {
+        "wf_start_time": np.datetime64("2026-05-17T12:00:00", "us"),
+        "wf_increment": 0.1,
+        "wf_start_offset": 0.0,
+    }
+    with TdmsWriter(tmp_path / "trip.tdms") as writer:
+        writer.write_segment(
+            [ChannelObject("ship", f"c{number}", number + np.arange(3.0), about) for number in range(50)]
+        )
+    form = log_format(tmp_path / "trip.tdms")
+    assert form is not None
+    log = read_log(tmp_path / "trip.tdms", form)
+    assert passes == [1]
+    assert [field.samples[0] for field in log.topics[0].fields.values()] == list(range(50))
+
+
+@IN_PROCESS
 @pytest.mark.parametrize("has_zero_start", [True, False])
 def test_waveform_without_a_start_gives_way_to_a_channel_of_times(has_zero_start: bool, tmp_path: Path) -> None:
     """LabVIEW writes an increment of 1 s, and a start of zero in 1904, for an array that has neither."""
@@ -1399,6 +1616,22 @@ def test_durations_of_an_archive_count_from_a_start_that_is_answered(tmp_path: P
     assert not proposal.unanswered
     expected = pd.Timestamp("2026-05-17T12:00:00").value + np.arange(60) * 200_000_000
     np.testing.assert_array_equal(recording.series["heading_deg"].measured_ns, expected)
+
+
+@pytest.mark.parametrize(
+    ("unit", "about"),
+    [("s", {"timescale": "TAI"}), ("s TAI", {}), ("seconds since 1970-01-01", {"calendar": "tai"}),
+     ("seconds since 1970-01-01", {"description": "TAI"})],
+)  # fmt: skip
+def test_times_of_tai_in_hdf5_become_utc(unit: str, about: dict[str, str], tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    arrays = arrays_of_a_trip()
+    with h5py.File(tmp_path / "trip.h5", "w") as file:
+        file["time"], file["heading"] = arrays["time"], arrays["heading"]
+        file["time"].attrs.update({"units": unit, **about})
+    recording, proposal = import_log(tmp_path / "trip.h5", tmp_path)
+    assert recording.series["heading_deg"].measured_ns[0] == log_trip.START_NS // NANO * NANO - 37 * NANO
+    assert "37 s ahead of UTC" in str(proposal.warnings)
 
 
 @pytest.mark.parametrize("calendar", ["noleap", "standard"])

@@ -143,6 +143,19 @@ def test_a_calm_has_no_direction() -> None:
     assert values(sent(decoder(), M.wind_cov_encode(0, *[0.0] * 8))) == {"wind_speed_mps": 0.0}
 
 
+def test_companion_moves_neither_the_origin_nor_the_clock_of_its_autopilot() -> None:
+    """Its origin had moved the autopilot's local positions; its clock, which may be unset, had been announced."""
+    listener, utc_us = decoder(), 1_779_019_200_000_000
+    sent(listener, M.system_time_encode(utc_us, 1000))
+    sent(listener, M.gps_global_origin_encode(634_400_000, 104_000_000, 0))
+    sent(listener, M.gps_global_origin_encode(600_000_000, 50_000_000, 0), component=191)
+    sent(listener, M.system_time_encode(utc_us + 3_600_000_000, 1000), component=191)
+    local = M.local_position_ned_encode(1000, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+    samples = sent(listener, local), sent(listener, local, component=191)
+    assert [values(each)["latitude_deg"] for each in samples] == pytest.approx([63.44, 60.0])
+    assert not [text for _, text in listener.notices if "was set" in text]
+
+
 @given(st.floats(-9000, 9000), st.floats(-9000, 9000), st.floats(-70, -1), st.floats(-179, 179))
 @settings(max_examples=50)
 def test_a_local_position_becomes_a_fix(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,9 @@ import pytest
 from scipy.io import netcdf_file
 
 from seatrial.acquisition.core.errors import InputError
+from seatrial.acquisition.tables.import_table import propose_column_map
 from seatrial.acquisition.tables.table_files import read_netcdf, times_since
+from seatrial.acquisition.tables.time_columns import TimeColumn, resolve_times
 
 h5py = pytest.importorskip("h5py", reason="h5py, which reads NetCDF-4, is not installed")
 START = "2026-05-17 12:00:00"
@@ -170,6 +173,35 @@ def test_moments_of_several_dates_are_one_line(moment: str) -> None:
     """UDUNITS' year 1 is no 2001, an unsigned zone no time of day."""
     with pytest.raises(InputError, match="no plain date"):
         times_since(np.array([0.0]), f"seconds since {moment}", Path("trip.nc"))
+
+
+@BOTH
+@pytest.mark.parametrize(
+    "about",
+    [
+        {"calendar": "tai"},
+        {"long_name": "TAI time"},
+        {"time_scale": "TAI"},
+        {"units": f"seconds since {START} TAI"},
+    ],
+    ids=str,
+)
+def test_times_of_tai_become_utc(about: dict[str, str], is_netcdf_4: bool, tmp_path: Path) -> None:
+    """By their calendar (CF-1.12), unit or another attribute; they were refused, or taken for UTC."""
+    variables = trip()
+    variables["time"][2].update(about)
+    write(tmp_path / "trip.nc", is_netcdf_4, variables)
+    raw = read_netcdf(tmp_path / "trip.nc")
+    column = TimeColumn(**tomllib.loads(propose_column_map(raw).text)["time"])
+    assert resolve_times(raw, column).index[0] == pd.Timestamp(START, tz="UTC") - pd.Timedelta(37, "s")
+
+
+def test_times_that_count_from_where_gps_time_does_are_reported(tmp_path: Path) -> None:
+    variables = trip()
+    for unit, is_reported in ((f"seconds since {START}", False), ("days since 1980-01-06 00:00:00 UTC", True)):
+        variables["time"][2]["units"] = unit
+        write(tmp_path / "trip.nc", True, variables)
+        assert ("--answer zone=GPS" in " ".join(read_netcdf(tmp_path / "trip.nc").remarks)) == is_reported
 
 
 @pytest.mark.parametrize("unit", ["months since 2026-05-17", "years since 2026-01-01"])

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seatrial.acquisition.config.sources import CanSource, Device, UdpSource
+from seatrial.acquisition.config.sources import CanSource, Device, MavlinkSource, UdpSource
 from seatrial.acquisition.core.trial import Fix, Sample
 from seatrial.acquisition.logger.health import SILENT_NS
 from seatrial.acquisition.logger.processing import Selector
@@ -44,6 +44,13 @@ def test_the_order_in_the_file_is_the_order_of_preference() -> None:
     said = [("third/HE:HDT", 0.0), ("second/HE:HDT", 0.1), ("third/HE:HDT", 0.2), ("first/HE:HDT", 0.3)]
     said += [("second/HE:HDT", 0.4), ("third/HE:HDT", 0.5), ("first/HE:HDT", 0.6)]
     assert admitted(selector, *said) == ["third/HE:HDT", "second/HE:HDT", "first/HE:HDT", "first/HE:HDT"]
+
+
+def test_autopilot_goes_before_its_companion() -> None:
+    """A companion's ATTITUDE had the heading, of another compass, before the autopilot's GLOBAL_POSITION_INT."""
+    selector = Selector((MavlinkSource(name="boat", channels=HEADING, type="mavlink", port=1),))
+    said = [("boat/1.191:ATTITUDE", 0.0), ("boat/1:GLOBAL_POSITION_INT", 0.1), ("boat/1.191:ATTITUDE", 0.2)]
+    assert admitted(selector, *said) == ["boat/1.191:ATTITUDE", "boat/1:GLOBAL_POSITION_INT"]
 
 
 def test_a_source_provides_only_what_it_lists() -> None:

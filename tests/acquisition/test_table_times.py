@@ -225,6 +225,32 @@ def test_gps_time_is_ahead_by_the_leap_seconds_of_its_day(
     assert as_utc[0] == pd.Timestamp(f"{day}T12:00:00Z")
 
 
+@pytest.mark.parametrize("form", ["text", "s since 1970", "ns since 1970", "s since 1958", "in the cells"])
+def test_times_of_tai_become_utc(tmp_path: Path, form: str) -> None:
+    """By their name: they were taken for UTC, 37 s off. TAI - UTC is 37 s since 2017 (IERS, Bulletin C)."""
+    tai = instants() + pd.Timedelta(37, "s")
+    seconds = tai.as_unit("ns").asi8 / 1e9
+    cells, head = {
+        "text": ([f"{stamp:%Y-%m-%d %H:%M:%S.%f}" for stamp in tai], "Time (TAI)"),
+        "s since 1970": ([f"{second:.6f}" for second in seconds], "time_tai [s]"),
+        "ns since 1970": ([str(ns) for ns in tai.as_unit("ns").asi8], "timestamp_tai_ns"),
+        "s since 1958": ([f"{second - pd.Timestamp('1958-01-01').timestamp():.6f}" for second in seconds], "tai_s"),
+        "in the cells": ([f"{stamp:%Y-%m-%d %H:%M:%S.%f} TAI" for stamp in tai], "time"),
+    }[form]
+    path = table(tmp_path / "t.csv", cells, head)
+    _, found = read(path)
+    assert np.abs(found - instants()).max() <= pd.Timedelta(1, "us")
+    if form != "s since 1958":
+        assert np.abs(read(path, zone="UTC")[1] - tai).max() <= pd.Timedelta(1, "us")
+
+
+def test_times_of_tai_that_name_a_zone_are_asked(tmp_path: Path) -> None:
+    path = table(tmp_path / "t.csv", [f"{stamp:%Y-%m-%dT%H:%M:%SZ}" for stamp in instants()], "time_tai")
+    (question,) = propose_column_map(read_raw_table(path)).unanswered
+    assert (question.key, question.options) == ("zone", ("TAI", "UTC"))
+    assert read(path, zone="TAI")[1][0] == read(path, zone="UTC")[1][0] - pd.Timedelta(37, "s")
+
+
 @pytest.mark.parametrize("head", ["GPS UTC time", "Time (UTC) from GPS", "gps_utc"])
 def test_utc_that_a_receiver_states_is_utc(tmp_path: Path, head: str) -> None:
     _, found = read(table(tmp_path / "t.csv", [f"2026-05-17 12:00:{second:02d}" for second in range(9)], head))
@@ -686,7 +712,10 @@ def test_seconds_under_a_name_of_gps_are_asked_for_their_start_if_both_are_possi
     early = instants(start=dt.datetime(2016, 5, 12, 12, 0, 17, 500_000, dt.UTC))
     assert np.abs(read(path, since="1970")[1] - early).max() < pd.Timedelta(2, "s")
     os.utime(path, (times[-1].timestamp() - 86_400 * 365,) * 2)
-    assert (read(path)[1] == read(path, since="1970")[1]).all()
+    proposal, as_utc = read(path)
+    assert (as_utc == read(path, since="1970")[1]).all()
+    assert any("--answer zone=GPS" in warning for warning in proposal.warnings)
+    assert (as_utc - read(path, zone="GPS")[1] == pd.Timedelta(gps_minus_utc_s(as_utc.asi8[0]), "s")).all()
 
 
 @pytest.mark.parametrize("unit", ["ns", "us", "ms"])
