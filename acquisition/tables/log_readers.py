@@ -613,7 +613,8 @@ def read_ulog(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any]:
                 log.leave_out(self.message_name, self.message_name, 0, reason)
                 raise ValueError(reason)  # the library goes on with the next
             cells.remaining -= length
-            super()._parse_format(message_formats) if cells.remaining > 0 else None
+            if cells.remaining > 0:
+                super()._parse_format(message_formats)
 
     class BoundedULog(ULog):  # type: ignore[misc]
         _MessageAddLogged = Subscription
