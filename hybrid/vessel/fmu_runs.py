@@ -223,7 +223,7 @@ class FmuRuns:
             if in_filter:
                 ours = self._spec.signals.state_to_ours(states, np.zeros_like(states))[:, SURGE : SWAY + 1]
                 length_m = self._variables.length_m
-                longest_s[:, 0] = [1.0 / steps_per_second(*speeds, length_m) for speeds in ours.tolist()]
+                longest_s[:, 0] = [1.0 / steps_per_second(surge, sway, length_m) for surge, sway in ours.tolist()]
             parts.append(longest_s)
         return np.hstack(parts)
 
