@@ -105,6 +105,7 @@ def test_a_recording_of_another_ship_is_refused(start: Vessel) -> None:
         identify_tables({"other": table}, start)
 
 
+@pytest.mark.slow
 def test_the_script_and_the_file_agree(start: Vessel, tmp_path: Path) -> None:
     table = simulate_trial(start, WIND, "zigzag_20_20", 200.0, 5.0, noise=SimulationNoise().scaled(0.2))[0]
     st.write(table, tmp_path / "trial.mcap", actuators=actuators_as_text(start.actuators))

@@ -67,6 +67,7 @@ def diagnosed(recording: Path, simulator: str, **options: Any) -> st.Diagnosis:
     return st.diagnose(recording, vessel=simulator, **options).diagnosis
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("duration_s", "windows"), [(300.0, 10), *nightly((1200.0, 50))])
 def test_named_current_is_a_file_that_predicts(
     duration_s: float, windows: int, sail: Callable[..., Path], gunnerus: str, tmp_path: Path
