@@ -501,7 +501,8 @@ class _FilterRuns:
             )
             biases, swings = biases * retained, wave @ swings
             if second < 0:
-                self._correct(numbers, state, biases, swings, updates, recorded[:, place + 1])
+                measured = np.ascontiguousarray(recorded[:, place + 1])  # of one run it is: else compiled twice
+                self._correct(numbers, state, biases, swings, updates, measured)
 
     def _correct(
         self, numbers: Ints, states: Floats, biases: Floats, swings: Floats, updates: NDArray[np.int64],
