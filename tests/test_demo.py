@@ -39,7 +39,6 @@ def test_the_recorder_is_ended_when_it_has_all_that_was_played_or_nothing_more_c
     assert clock.now_s - began_s == pytest.approx(0.5 * held.index(max(held)) + longest_s)
 
 
-@pytest.mark.slow
 def test_what_runs_meanwhile_needs_no_rights(monkeypatch: pytest.MonkeyPatch) -> None:
     """Who is not root may make a process idle, but never take it out of that class again."""
     from seatrial.hybrid import workflows

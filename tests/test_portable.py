@@ -48,6 +48,7 @@ QUICK = (
     "manoeuvres trial.mcap -o manoeuvres",
     "smooth trial.mcap -o smooth.parquet",
     "validate trial.mcap",
+    "report trial.mcap --no-pdf --no-interactive",
 )
 LONG = (
     "report trial.mcap --no-pdf",

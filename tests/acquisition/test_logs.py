@@ -427,6 +427,14 @@ def test_other_logs_of_the_same_suffix_are_no_dataflash(tmp_path: Path) -> None:
         assert lost == (column != "IMU.GyrZ"), column
 
 
+def test_measurement_under_another_suffix_is_known_by_its_head(tmp_path: Path) -> None:
+    path = tmp_path / "trip.dat.bz2"
+    for head, is_measurement in ((b"MDF     4.10    ", True), (b"time;heading\n", False)):
+        path.write_bytes(bz2.compress(head))
+        form = log_format(path)
+        assert (form is not None and form.name == "ASAM MDF") == is_measurement
+
+
 def test_archive_that_unpacks_to_far_more_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "bomb.npz"
     with (
