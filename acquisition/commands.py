@@ -894,7 +894,6 @@ def info(recording: Recording) -> Contents | TopicLog:
     """
     from seatrial.acquisition.core.stores import RemoteFile, is_remote, place_name
     from seatrial.acquisition.recording.reader import describe_recording, events_of_recording, read_as_one_recording
-    from seatrial.acquisition.tables.topics import log_format, read_log
 
     places = [] if is_table(recording) else _given_paths(recording)
     if len(places) == 1 and is_remote(places[0]) and places[0].suffix.lower() == ".mcap":
@@ -906,15 +905,23 @@ def info(recording: Recording) -> Contents | TopicLog:
             contents.recording, contents.places = indexed.recording, [place_name(places[0])]
             return contents
     paths = recording_paths(recording)
-    kind = log_format(paths[0]) if len(paths) == 1 and paths[0].exists() else None
-    if kind is not None and paths[0].suffix.lower() != ".mcap":
-        return read_log(paths[0], kind)
+    file = paths[0] if len(paths) == 1 and paths[0].exists() else None
+    if file is not None and file.suffix.lower() != ".mcap" and (log := _log_in(file)) is not None:
+        return log
     read = read_as_one_recording(paths)
-    if kind is not None and read.is_foreign:
-        return read_log(paths[0], kind)
+    if file is not None and read.is_foreign and (log := _log_in(file)) is not None:
+        return log
     contents = Contents(describe_recording(read), events=[event.as_json() for event in events_of_recording(read)])
     contents.recording, contents.places = read, [place_name(path) for path in places] or [str(read.path)]
     return contents
+
+
+def _log_in(file: Path) -> TopicLog | None:
+    """The topics of another program's log; reading a recording takes none of what is imported for it."""
+    from seatrial.acquisition.tables.topics import log_format, read_log
+
+    kind = log_format(file)
+    return None if kind is None else read_log(file, kind)
 
 
 def _print_recovery(recovered: RecoverySummary, as_json: bool, options: Mapping[str, Any]) -> None:

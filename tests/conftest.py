@@ -117,6 +117,7 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
     def run(*arguments: str | Path) -> Done:
         monkeypatch.setattr(sys, "argv", ["seatrial", *map(str, arguments)])
+        monkeypatch.setattr(os, "nice", lambda _: 0, raising=False)  # all later tests would go on as idle ones
         capsys.readouterr()
         with pytest.raises(SystemExit) as ended:
             seatrial.main()

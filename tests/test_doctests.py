@@ -59,7 +59,7 @@ def calibrator(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return folder
 
 
-LONG = ("identify", "load_diagnosis", "plan", "report")
+LONG = ("batch", "diagnose", "identify", "load_diagnosis", "plan", "report")
 """Whose examples take seconds; what they call is tried every day."""
 
 

@@ -439,7 +439,7 @@ def _acting(
         for column in np.flatnonzero(plays_rad):  # the offset of a gear's output from its motor's side
             # feedback noise would drag the output to its extremes: movements within its usual range are ignored
             noise_rad = robust_spread(np.diff(series[::interval, column], 2)) / sqrt(6.0)
-            motor = sensors.behind_play(series[:, column], _RANGE * noise_rad)
+            motor = sensors.behind_play(np.ascontiguousarray(series[:, column]), _RANGE * noise_rad)
             series[:, column] += sensors.behind_play(motor, plays_rad[column]) - motor
         if lagged:
             means = [

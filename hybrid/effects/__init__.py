@@ -420,6 +420,7 @@ def quantities_along(
     coded = {name: (float(code), np.zeros(controls.shape[1])) for code, name in enumerate(MOTION)}
     coded |= weights_of(actuators)
     air = -wind[:, 1:] * np.column_stack([np.cos(wind[:, 0]), np.sin(wind[:, 0])])
+    states, controls = np.ascontiguousarray(states), np.ascontiguousarray(controls)  # else compiled once more
     return {name: _quantity_along(code, weight, states, controls, air) for name, (code, weight) in coded.items()}
 
 

@@ -33,7 +33,7 @@ from seatrial.analysis.compiling import FAST, Record, compiled, copy_row, thread
 from seatrial.analysis.estimation import kalman_kernel, process_models
 from seatrial.analysis.series import USUAL_LENGTH_M
 from seatrial.hybrid.prediction import window_sets
-from seatrial.hybrid.vessel import black_box, dynamics, sensors
+from seatrial.hybrid.vessel import black_box, dynamics, sensors, step_lengths
 from seatrial.hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
 from seatrial.hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, pack
 
@@ -167,6 +167,9 @@ def advance_disturbances(bias: Force, retained: Floats, swing: Swing, step: Floa
         swing[1, axis] = step[1, 0] * displaced + step[1, 1] * rate
 
 
+_steps_per_second = compiled(step_lengths.steps_per_second)
+
+
 @compiled
 def advance_model(
     p: Record, mass: dynamics.InverseMass, order: dynamics.Control, acting: dynamics.Control,
@@ -174,7 +177,7 @@ def advance_model(
     parameters: Floats,
 ) -> dynamics.State:  # fmt: skip
     """The model's state a second later, in :func:`.steps_per_second`."""
-    steps = dynamics.steps_per_second(state[3], state[4], p.length_overall_m)
+    steps = _steps_per_second(state[3], state[4], p.length_overall_m)
     lag = dynamics.lag_shares_over_step(p, 1.0 / steps)
     later: dynamics.State = dynamics.advance(
         p, mass, lag, order, acting, scratch, air, 0.0, 1.0, steps, state, extra, parameters
@@ -498,7 +501,8 @@ class _FilterRuns:
             )
             biases, swings = biases * retained, wave @ swings
             if second < 0:
-                self._correct(numbers, state, biases, swings, updates, recorded[:, place + 1])
+                measured = np.ascontiguousarray(recorded[:, place + 1])  # of one run it is: else compiled twice
+                self._correct(numbers, state, biases, swings, updates, measured)
 
     def _correct(
         self, numbers: Ints, states: Floats, biases: Floats, swings: Floats, updates: NDArray[np.int64],

@@ -597,15 +597,17 @@ def leg_has_ended(
 
 
 def sail_black_box(
-    model: BlackBox, start: Floats, legs: Floats, ends: Floats, drives: Drives, wind: Floats, dt_s: float
-) -> tuple[Floats, Floats]:
+    model: BlackBox, start: Floats, legs: Floats, ends: Floats, drives: Drives, wind: Floats, dt_s: float,
+    *, repeat: bool,
+) -> tuple[Floats, Floats]:  # fmt: skip
     """The states [K+1, 6] of a simulator and its drives' feedback [K+1, controls] through a manoeuvre.
 
-    The autopilot is that of :data:`sail`. Raises :class:`ModelRangeError` where it fails or returns no number.
+    NaN after the manoeuvre, unless it is to ``repeat``. The autopilot is that of :data:`sail`.
+
+    Raises :class:`ModelRangeError` where it fails or returns no number.
     """
     (north, east), push = model.current_mps, model.push
-    states = np.empty((len(wind) + 1, 6))
-    controls = np.empty((len(wind) + 1, legs.shape[1]))
+    states, controls = np.full((len(wind) + 1, 6), np.nan), np.full((len(wind) + 1, legs.shape[1]), np.nan)
     state = states[0] = start
     base = reference = start[HEADING]
     number, initial, elapsed_s = 0, start, 0.0
@@ -619,6 +621,9 @@ def sail_black_box(
         if leg_has_ended(drives.settled_radps, ends[number], state, base, reference, initial, elapsed_s):
             number = (number + 1) % len(legs)
             initial, elapsed_s = state, 0.0
+            if number == 0 and not repeat:
+                controls[k] = drive
+                return states, controls
         if not isnan(ends[number, COURSE]):
             reference = state[HEADING] + wrapped(base + ends[number, COURSE] - state[HEADING])
         controls[k] = drive
@@ -644,12 +649,13 @@ def _make_sail(stamp: int) -> Callable[..., int]:
     def sail(
         p: Record, start: Floats, legs: Floats, ends: Floats, drives: Drives, wind: Floats, drift_n: Floats,
         dt_s: float, substeps: int, extra: Callable[..., tuple[float, float, float]] | None, parameters: Floats,
-        states: Floats, controls: Floats,
+        repeat: bool, states: Floats, controls: Floats,
     ) -> int:  # fmt: skip
         """Fill ``states`` [K+1, 6] and the drives' feedback ``controls`` [K+1, controls].
 
-        ``legs`` [legs, controls] and ``ends`` [legs, 7] are the manoeuvre's. Returns the first step that ends out
-        of the model's range, or -1. Changes the drift force in ``p``.
+        ``legs`` [legs, controls] and ``ends`` [legs, 7] are the manoeuvre's: after the last comes the first again,
+        or without ``repeat`` nothing more. Returns the first step that ends out of the model's range, or -1.
+        Changes the drift force in ``p``.
         """
         if stamp == 0:
             return -1
@@ -665,6 +671,9 @@ def _make_sail(stamp: int) -> Callable[..., int]:
             if leg_has_ended(drives.settled_radps, ends[number], state, base, reference, initial, elapsed_s):
                 number = (number + 1) % legs.shape[0]
                 initial, elapsed_s = state, 0.0
+                if number == 0 and not repeat:
+                    copy_row(controls[k], drive)
+                    return -1
             if not isnan(ends[number, COURSE]):
                 reference = state[HEADING] + wrapped(base + ends[number, COURSE] - state[HEADING])
             copy_row(controls[k], drive)

@@ -248,8 +248,13 @@ def sail_through(
     gusts: np.random.Generator,
     drift: np.random.Generator,
     drives: manoeuvres.Drives | None = None,
+    *,
+    repeat: bool = True,
 ) -> Voyage:
-    """The motion of ``plant`` through a manoeuvre, with the autopilot of ``vessel``, and its drives or others."""
+    """The motion of ``plant`` through a manoeuvre, with the autopilot of ``vessel``, and its drives or others.
+
+    It has so many ``steps``; without ``repeat`` it ends with the manoeuvre, if that comes first.
+    """
     true_wind = wind_series(gusts, sea, steps + 1, dt_s)
     wind = true_wind.copy()
     wind[:, 0] += plant.wind_direction_bias_rad
@@ -270,8 +275,11 @@ def sail_through(
         if slow := [name for name in vessel.numbers if name.endswith(("_lag_s", "_delay_s", PLAY))]:
             announce(f"{', '.join(slow)} of the simulator's file are left out: its drives follow as they state")
         model = vessel.shifted(current_north_mps=plant.current_north_mps, current_east_mps=plant.current_east_mps)
-        states, controls = manoeuvres.sail_black_box(model, start, leg_array, ends, drives, true_wind[:-1], dt_s)
-        return Voyage(states, late(controls), wind)
+        states, controls = manoeuvres.sail_black_box(
+            model, start, leg_array, ends, drives, true_wind[:-1], dt_s, repeat=repeat
+        )
+        rows = np.isfinite(states[:, 0])
+        return Voyage(states[rows], late(controls[rows]), wind[rows])
     states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)
     failed_step = manoeuvres.sail(
         packed[0],
@@ -285,12 +293,14 @@ def sail_through(
         1,
         extra,
         parameters[0],
+        repeat,
         states,
         controls,
     )
     if failed_step >= 0:
         raise dynamics.range_error(dynamics.Runs(states[np.newaxis], np.array([failed_step])), plant, dt_s)
-    return Voyage(states, late(controls), wind)
+    rows = np.isfinite(states[:, 0])
+    return Voyage(states[rows], late(controls[rows]), wind[rows])
 
 
 def handled_ship(vessel: HandledShip | str | Path | None) -> HandledShip:

@@ -351,16 +351,20 @@ def largest_helm_deg(ship: TrialShip) -> float:
 
 
 def sail_legs(ship: TrialShip, legs: Sequence[manoeuvres.Leg], lengths: float) -> tuple[Motion, float]:
-    """The motion of legs after an approach on a straight course, for so many ship lengths at the usual speed, and
-    the time of the execute [s]."""
+    """The motion of legs after an approach on a straight course, and the time of the execute [s].
+
+    It takes so many ship lengths at the usual speed, or ends two steps after the last leg: by rounding that may be
+    over a step before its test is.
+    """
     approach_s = max(_LEAST_APPROACH_S, _APPROACH_LENGTHS * ship.pace.length_s)
     dt_s = _STEP_S * ship.pace.time
     steps = round((approach_s + lengths * ship.pace.length_s) / dt_s)
-    approach = manoeuvres.steer(0.0, approach_s, ship.rpm)
+    approach, last = manoeuvres.steer(0.0, approach_s, ship.rpm), manoeuvres.Leg(rpm=0.0, at_most_s=2.0 * dt_s)
     still = np.random.default_rng(0)
     voyage = sail_through(
-        ship.vessel, ship.plant, STILL, (approach, *legs), steps, dt_s, 0.0, still, still, ship.drives
-    )
+        ship.vessel, ship.plant, STILL, (approach, *legs, last), steps, dt_s, 0.0, still, still, ship.drives,
+        repeat=False,
+    )  # fmt: skip
     handling, states, rows = manoeuvres.handling_of(ship.vessel), voyage.states, len(voyage.states)
     names, controls = control_names(ship.vessel.actuators), voyage.controls / control_units(ship.vessel.actuators)
     helm_deg = controls @ handling.helm / (handling.helm @ handling.helm) if handling.helm.any() else np.zeros(rows)
@@ -402,7 +406,8 @@ def turning_circle_test(
     ship: TrialShip, side: float, helm_deg: float, turn_deg: float = _CIRCLE_DEG
 ) -> StandardTest:
     """A turning circle to a side, 1 for starboard and -1 for port, until the ship has turned by so much."""
-    motion, start = sail_legs(ship, (manoeuvres.helm_leg(-side * helm_deg, ship.rpm),), _CIRCLE_LENGTHS)
+    leg = manoeuvres.Leg(rpm=ship.rpm, helm_deg=-side * helm_deg, turn_deg=turn_deg)
+    motion, start = sail_legs(ship, (leg,), _CIRCLE_LENGTHS)
     turned_rows = np.flatnonzero(side * (motion.heading_deg - motion.at("heading_deg", start)) >= turn_deg)
     motion = motion.rows(0, int(turned_rows[0]) + 1 if turned_rows.size else motion.time_s.size)
     end = float(motion.time_s[-1])
@@ -464,8 +469,7 @@ def stopping_test(
     ship: TrialShip, rpm: float, slower_mps: float = 0.0, name: str = criteria.FULL_ASTERN
 ) -> StandardTest:
     """The shafts ordered to another speed [rpm], astern or none, until the ship is as slow as that."""
-    legs = (manoeuvres.Leg(rpm=rpm, slower_mps=slower_mps), manoeuvres.Leg(rpm=0.0))
-    motion, start = sail_legs(ship, legs, _STOP_LENGTHS)
+    motion, start = sail_legs(ship, (manoeuvres.Leg(rpm=rpm, slower_mps=slower_mps),), _STOP_LENGTHS)
     stopped_rows = np.flatnonzero((motion.surge_mps <= slower_mps) & (motion.time_s > start))
     if not stopped_rows.size:
         raise DataShortageError(f"the ship does not stop within {_STOP_LENGTHS:g} lengths' time")

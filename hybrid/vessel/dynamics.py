@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import cos, exp, hypot, sin
+from math import cos, exp, sin
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,15 +57,11 @@ from seatrial.hybrid.vessel.plant import (
     plant_dtype,
 )
 from seatrial.hybrid.vessel.sensors import acting_controls
+from seatrial.hybrid.vessel.step_lengths import LONGEST_STEP_S
 from seatrial.hybrid.vessel.wind import wind_force, wind_vector
 
 FADING_S2PM2 = 5.0
 """Of low_speed_damping by the squared speed, as in Fossen's MSS toolbox (forceSurgeDamping.m, alpha = 5)."""
-LONGEST_STEP_S = 0.25
-"""With this step a run of 30 s is within a tenth of a millimetre of the exact solution."""
-STEP_LENGTHS, MOST_STEPS = 1.0 / 3.0, 8
-"""Ship lengths sailed in one integration step of the filter of start states at most: a craft of 2 m at 2 m/s needs
-3 steps a second; for ships and models at usual speeds one step is as good as four, to 0.1 % of the errors."""
 _NO_PARAMETERS = np.zeros((1, 1))
 
 State = tuple[float, float, float, float, float, float]
@@ -306,13 +302,6 @@ def lag_shares_over_step(p: Record, dt_s: float) -> Lag:
 
 
 @compiled
-def steps_per_second(surge_mps: float, sway_mps: float, length_m: float) -> int:
-    """In how many steps the filter of start states integrates a second: of :data:`STEP_LENGTHS` at most."""
-    lengths = hypot(surge_mps, sway_mps) / length_m
-    return 1 + int(lengths / STEP_LENGTHS) if lengths < MOST_STEPS * STEP_LENGTHS else MOST_STEPS
-
-
-@compiled
 def advance(
     p: Record, mass: InverseMass, lag: Lag, order: Control, acting: Control, scratch: Scratch,
     air: tuple[float, float], time_s: float, dt_s: float, substeps: int, state: State,
@@ -491,7 +480,7 @@ def simulate_batch(
     ``start`` [N, 6] states; ``controls`` [N, K, controls] and ``wind`` [N, K, 2] (direction FROM [rad], speed
     [m/s]), as reported, held over each step of ``dt_s``. Every first dimension may be 1 or missing, then it
     serves all runs. Each step is integrated in ``substeps``, by default as many as keep them below
-    :data:`LONGEST_STEP_S`. ``acting_start`` [N, controls] are
+    :data:`.LONGEST_STEP_S`. ``acting_start`` [N, controls] are
     the controls that act at the start where the thrusters lag or have play; by default the first ones. Controls
     that a plant's ``command_delay_s`` says to be recorded late act earlier (:func:`acting_controls`).
 

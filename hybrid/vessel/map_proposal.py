@@ -20,6 +20,8 @@ from seatrial.acquisition.core.errors import ConfigurationError, InputError, Usa
 from seatrial.acquisition.core.quantities import unit_scale
 from seatrial.hybrid.vessel import fmu, simulator_map
 from seatrial.hybrid.vessel.actuators import KINDS
+from seatrial.hybrid.vessel.fmu_runs import read_description
+from seatrial.hybrid.vessel.signals import STATES
 
 _WORDS = {
     "north": {"north", "northing"}, "east": {"east", "easting"}, "latitude": {"latitude", "lat"},
@@ -84,7 +86,7 @@ class MapProposal:
 def propose_map(file: Path, answers: Mapping[str, str] | None = None) -> MapProposal:
     """The proposed map of an FMU. Raises :class:`InputError` for what is none, :class:`UsageError` for an answer to
     no question."""
-    draft = _Draft(file, fmu.read_description(file), dict(answers or {}))
+    draft = _Draft(file, read_description(file), dict(answers or {}))
     tables = [
         draft.ship_table(),
         draft.state_table(),
@@ -180,7 +182,7 @@ class _Draft:
 
     def state_table(self) -> str:
         """The six states."""
-        names = list(simulator_map.STATES)
+        names = list(STATES)
         if not self._candidates("north") and self._candidates("latitude"):
             names = [*simulator_map.GEODETIC, *names[2:]]
         axes = self._stated_axes() or self._answer(
@@ -195,7 +197,7 @@ class _Draft:
             if variable is None:
                 continue
             self._states[name] = variable.name
-            unit = self._unit(f"state.{name}", variable, {**simulator_map.STATES, **simulator_map.GEODETIC}[name])
+            unit = self._unit(f"state.{name}", variable, {**STATES, **simulator_map.GEODETIC}[name])
             parts = [*_signal_lines(variable, unit), AXES.get(axes, {}).get(name, "")]
             start = self._start_of(variable, name)
             self._starts[name] = start
@@ -225,7 +227,7 @@ class _Draft:
 
     def _candidates(self, name: str) -> list[Any]:
         """The outputs that can be a state: of a unit that measures it, by its name, else by its description."""
-        unit = {**simulator_map.STATES, **simulator_map.GEODETIC}[name]
+        unit = {**STATES, **simulator_map.GEODETIC}[name]
         fitting = [v for v in self._outputs if _is_unit_like(fmu.unit_of(v), unit)]
         for text_of in (lambda v: v.name, lambda v: str(v.description or "")):
             matches = [v for v in fitting if self._is_called(words_of(text_of(v)), name)]
@@ -252,7 +254,7 @@ class _Draft:
             variable = candidates[0]
             self.proposal.reasons.append(f"{key} is the output {_label_of(variable)}")
             return variable
-        unit = {**simulator_map.STATES, **simulator_map.GEODETIC}[name]
+        unit = {**STATES, **simulator_map.GEODETIC}[name]
         choices = candidates or [output for output in self._outputs if _is_unit_like(fmu.unit_of(output), unit)]
         listed = "; ".join(_label_of(variable) for variable in choices[:10]) or "there is no output"
         self._answer(key, f"which output is it? {listed}")

@@ -15,6 +15,8 @@ import numpy as np
 from seatrial.acquisition.core.quantities import Floats, rotate_earth_to_ship, to_earth
 
 HEADING, SURGE, SWAY, YAW_RATE = 2, 3, 4, 5
+STATES = {"north": "m", "east": "m", "heading": "deg", "surge": "m/s", "sway": "m/s", "yaw_rate": "deg/s"}
+"""The state's quantities in their order, and the units that ours are known by."""
 _TURN = 2.0 * np.pi
 
 WindForm = Literal["direction", "components", "none"]

@@ -20,10 +20,8 @@ from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.files import line_of_toml_key, load_toml, read_text
 from seatrial.acquisition.core.ship import Actuators
 from seatrial.hybrid.vessel.actuators import control_units
-from seatrial.hybrid.vessel.signals import AffineSignals, Frame, Signals, WindSignals
+from seatrial.hybrid.vessel.signals import STATES, AffineSignals, Frame, Signals, WindSignals
 
-STATES = {"north": "m", "east": "m", "heading": "deg", "surge": "m/s", "sway": "m/s", "yaw_rate": "deg/s"}
-"""The state's quantities in their order, and the units that ours are known by."""
 GEODETIC = {"latitude": "deg", "longitude": "deg"}
 """What may stand for north and east."""
 WINDS = {"direction": {"direction": "deg", "speed": "m/s"}, "components": {"north": "m/s", "east": "m/s"}}

@@ -364,7 +364,7 @@ def make_runs(spec: SimulatorSpec, beacon: Beacon) -> SimulatorRuns:
     """The runs of the kind of simulator that a specification is of."""
     if spec.fmu is None:
         return ClassRuns(spec, beacon)
-    from seatrial.hybrid.vessel.fmu import FmuRuns
+    from seatrial.hybrid.vessel.fmu_runs import FmuRuns
 
     return FmuRuns(spec, beacon)
 

@@ -47,7 +47,7 @@ from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.tables.table import read_table
 from tests.acquisition.can_frames import FIELDS, can_frame, identifier_of
 from tests.acquisition.conftest import DBC
-from tests.conftest import Command
+from tests.conftest import Command, nightly
 
 SECOND = 1_000_000_000
 START_NS = 1_779_019_200 * SECOND
@@ -215,8 +215,8 @@ CANBOAT = {
 
 @pytest.mark.shared
 @pytest.mark.parametrize(
-    "name", ["candumpSample1.txt", "furuno-130842-figure8-fast.raw", "furuno-fap7011c-autopilot-maneuvers.raw",
-             "scx20.raw"]
+    "name", ["candumpSample1.txt", "scx20.raw",
+             *nightly("furuno-130842-figure8-fast.raw", "furuno-fap7011c-autopilot-maneuvers.raw")]
 )  # fmt: skip
 def test_the_survey_pack_on_real_captures_equals_canboat(shared_data: Path, name: str) -> None:
     """Value by value, in order, every message of the group: none too few, none too many."""

@@ -38,10 +38,11 @@ from tests.conftest import Command
 
 VARIATION = "no variation: set magnetic_variation_deg or add a source of 127258"
 CAPTURES = [
-    "nmea0183/bundg_zeus_9.log", "nmea0183/pypilot.log", "nmea0183/rst39.log", "nmea0183/saab-r4.log",
-    "nmea2000/scx20.raw", "nmea2000/sleipner-slink-thruster.raw", "nmea2000/candumpSample1.txt",
+    "nmea0183/pypilot.log", "nmea0183/rst39.log", "nmea0183/saab-r4.log", "nmea2000/scx20.raw",
+    "nmea2000/sleipner-slink-thruster.raw",
 ]  # fmt: skip
 LONG_CAPTURES = [
+    "nmea0183/bundg_zeus_9.log", "nmea2000/candumpSample1.txt",
     "nmea2000/furuno-130842-figure8-fast.raw", "nmea2000/furuno-fap7011c-autopilot-maneuvers.raw",
     "mavlink/ardusub_small.tlog",
 ]  # fmt: skip

@@ -22,6 +22,7 @@ START = "2026-05-17 12:00:00"
 NUMBERS = np.arange(60.0)
 TRUTH = {"heading": 40.0 + NUMBERS / 2.0, "latitude": 63.4 + 1e-5 * NUMBERS}
 MISSING = (5, 6)
+pytestmark = pytest.mark.usefixtures("read_in_process")
 FLOAT_FILL = 9.969209968386869e36  # NC_FILL_FLOAT and NC_FILL_DOUBLE of netcdf.h
 
 

@@ -21,6 +21,7 @@ from seatrial.acquisition.config.sources import FileSource
 from seatrial.acquisition.protocols.nmea2000 import SHORTEST_BYTES, Field, Message, Nmea2000Decoder
 from seatrial.acquisition.sources.log_file import LogFile
 from tests.acquisition.can_frames import FIELDS, can_frame, fast_parts, identifier_of, values
+from tests.conftest import nightly
 
 CAPTURES = {
     "candumpSample1.txt": 1641,
@@ -30,6 +31,7 @@ CAPTURES = {
     "sleipner-slink-thruster.raw": 0,
 }
 """The captures, and how many messages of our groups canboat finds in them."""
+LARGE = ("furuno-130842-figure8-fast.raw", "furuno-fap7011c-autopilot-maneuvers.raw")
 PRINTED_DEG = 1e-7  # canboat prints no more digits of a position, although 129029 has finer ones
 
 
@@ -82,7 +84,7 @@ def agrees(field: Field, ours: float | str, theirs: Any) -> bool:
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("name", CAPTURES)
+@pytest.mark.parametrize("name", [name for name in CAPTURES if name not in LARGE] + nightly(*LARGE))
 def test_every_field_that_is_read_equals_canboats(shared_data: Path, name: str) -> None:
     """In order, no message too few or too many, within half a step."""
     ours, _ = heard(shared_data / "nmea2000" / name)

@@ -107,6 +107,7 @@ def test_steady_speeds_are_the_published_ones(rpm: float, knots: float) -> None:
     assert steady_speed(body, rpm, rpm) / KNOT == pytest.approx(knots, abs=0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("angle", "advance_m", "diameter_m"), [(20, 113, 186), *nightly((10, 206, 373), (30, 81, 118))]
 )

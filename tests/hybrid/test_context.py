@@ -128,6 +128,7 @@ def test_what_can_be_neither_surveyed_nor_known_is_refused(options: dict[str, li
         declared_context(CATALOGUE, **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_diagnosis_names_nothing_that_was_ruled_out_and_says_what_was(ship: Vessel, tmp_path: Path) -> None:
     """A hidden current is not named in declared still water; a known one leaves nothing to name."""
     hidden = {"ocean_current": {"speed_mps": 0.5, "direction_deg": 120.0}}

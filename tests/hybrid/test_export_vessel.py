@@ -212,7 +212,7 @@ LAGGING = {
 }
 
 
-@pytest.mark.parametrize("vessel_name", LAGGING)
+@pytest.mark.parametrize("vessel_name", ["gunnerus_short", "esso_osaka_3m", *nightly("kvlcc2_7m")])
 def test_lags_and_play_are_states_of_a_step(vessel_name: str) -> None:
     vessel = load_vessel(vessel_name)
     plant = apply_effects(vessel_plant(vessel), LAGGING[vessel_name])
@@ -251,7 +251,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("fmu")
 
 
-BY_DAY = [("every_kind", 2), ("every_kind", 3), ("kvlcc2_7m", 3)]
+BY_DAY = [("every_kind", 2), ("kvlcc2_7m", 3)]
 """The ships whose FMUs of version 2 are made, too, whenever tests run; those of the others have the same C code."""
 
 
@@ -398,7 +398,7 @@ def test_module_is_the_same_by_jax(vessel_name: str, tmp_path: Path) -> None:
     assert np.isfinite(slope(np.zeros(6))).all()
 
 
-@pytest.mark.parametrize("form", [".py", ".casadi", ".fmu"])
+@pytest.mark.parametrize("form", [".py", *nightly(".casadi", ".fmu")])
 def test_exact_forms_are_not_off(form: str, tmp_path: Path) -> None:
     exported = st.export_vessel("esso_osaka_3m", tmp_path / f"ship{form}")
     assert len(exported.deviations) == 2
@@ -559,7 +559,7 @@ def test_matrices_are_those_of_the_kernel(tmp_path: Path) -> None:
     assert saved["D_linear"][2, 2] > 0.0
 
 
-@pytest.mark.parametrize("vessel_name", ["gunnerus_short", "esso_osaka_3m", "otter_2m"])
+@pytest.mark.parametrize("vessel_name", ["gunnerus_short", *nightly("esso_osaka_3m", "otter_2m")])
 def test_matlab_function_states_the_matrix_model(vessel_name: str, tmp_path: Path) -> None:
     """Its lines, read as Python's, give the accelerations; there is no MATLAB and no Octave here."""
     vessel, plant, equations = ship(vessel_name)
@@ -633,7 +633,7 @@ def test_gazebo_plugins_have_the_numbers_of_the_ship(tmp_path: Path) -> None:
     assert "yaw 1.70" in (tmp_path / "otter.sdf").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("vessel_name", ["gunnerus_short", "esso_osaka_3m", "otter_2m"])
+@pytest.mark.parametrize("vessel_name", ["gunnerus_short", *nightly("esso_osaka_3m", "otter_2m")])
 def test_gazebo_is_told_newtons_and_angles(vessel_name: str, tmp_path: Path) -> None:
     """The limits are the thrust at the shaft's limit, by what the file says of it; blades spin at its shaft speed
     ahead; what steers has a joint that a controller turns at its rate."""

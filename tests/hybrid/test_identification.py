@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,7 @@ from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.ship import actuators_as_text
 from seatrial.hybrid.effects import vessel_plant
 from seatrial.hybrid.identification.fit import PARTS, coefficients_of, model_of, segments_of, values_at, with_values
-from seatrial.hybrid.identification.identify import Identification, identify_tables
+from seatrial.hybrid.identification.identify import Identification, identify_tables, judge
 from seatrial.hybrid.simulation.trial import SeaState, SimulationNoise, simulate_trial
 from seatrial.hybrid.vessel.files import Vessel, load_vessel, save_vessel
 from seatrial.hybrid.vessel.sensors import states_as_table
@@ -105,6 +106,17 @@ def test_a_recording_of_another_ship_is_refused(start: Vessel) -> None:
         identify_tables({"other": table}, start)
 
 
+def test_judgement_is_of_the_fitted_vessel_beside_the_start(start: Vessel) -> None:
+    true = with_values(start, TRUE)
+    table = simulate_trial(true, WIND, "zigzag_20_20", 120.0, 5.0, noise=SimulationNoise().scaled(0.2))[0]
+    fold = SimpleNamespace(tables={"zigzag": table}, model=SimpleNamespace(vessel=start), vessel=true)
+    judgement = judge([fold], 10, "the zigzag")
+    assert judgement is not None
+    error_m = {name: score.mean_distance_m for name, score in judgement.scores.items()}
+    assert error_m["identified"] < error_m["reference"] < error_m["constant_velocity"]
+
+
+@pytest.mark.slow
 def test_the_script_and_the_file_agree(start: Vessel, tmp_path: Path) -> None:
     table = simulate_trial(start, WIND, "zigzag_20_20", 200.0, 5.0, noise=SimulationNoise().scaled(0.2))[0]
     st.write(table, tmp_path / "trial.mcap", actuators=actuators_as_text(start.actuators))

@@ -73,6 +73,7 @@ def test_windows_hold_every_actuator(ship: tuple[Path, str]) -> None:
     assert (spread.max() < 25.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ship", BY_SHIP, indirect=True)
 def test_calibrator_beats_the_model_that_lacks_something(
     ship: tuple[Path, str], monkeypatch: pytest.MonkeyPatch

@@ -57,6 +57,7 @@ def test_a_network_predicts_but_is_not_trained(
         assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("without_torch")
 def test_the_adaptive_one_is_trained_and_judged(
     command: Command, earlier: list[Path], unseen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -207,6 +207,7 @@ def test_recorded_depth_is_watched(recorder: RecorderOfDay, monkeypatch: pytest.
     assert recorder.marks[-1].endswith(": the water was less than 11 m deep: 9.0 m")
 
 
+@pytest.mark.slow
 def test_depth_of_each_run_is_judged_aboard_by_the_value_that_is_found_ashore(
     recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -506,6 +507,7 @@ def test_outlook_of_the_runs_so_far_is_shown_beside_the_conductor(recorder: Reco
     trial.close()
 
 
+@pytest.mark.slow
 def test_outlook_is_by_the_runs_of_all_recordings(recorder: RecorderOfDay, tmp_path: Path) -> None:
     """Recorder and conductor were restarted, the second time in the middle of a run: others are in other files, of
     which one is gone at last."""

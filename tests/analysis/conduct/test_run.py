@@ -156,7 +156,7 @@ def test_no_helm_starts_a_run_until_the_ship_has_steadied_from_one_that_was_give
 
 @pytest.mark.parametrize(
     ("period_s", "silent_s"),
-    [(60.0, 0.0), (300.0, 90.0), (1e6, 0.0), *nightly((60.0, 90.0), (300.0, 0.0), (1e6, 90.0))],
+    [(300.0, 90.0), *nightly((60.0, 0.0), (60.0, 90.0), (300.0, 0.0), (1e6, 0.0), (1e6, 90.0))],
 )
 def test_a_manoeuvre_that_began_before_it_was_followed_is_not_judged(period_s: float, silent_s: float) -> None:
     """A zigzag of 20 deg of helm, followed from any moment of its period, or a circle: no order until the ship has

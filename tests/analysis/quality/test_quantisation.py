@@ -111,6 +111,7 @@ def docking(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Call
 positions = pytest.mark.parametrize("position", ["metres", *nightly("minutes")])
 
 
+@pytest.mark.slow
 @pytest.mark.shared
 @positions
 def test_the_docking_of_2019_is_quantised_where_it_is(docking: Callable[[str], DataQuality], position: str) -> None:

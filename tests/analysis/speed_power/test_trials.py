@@ -246,6 +246,7 @@ def test_result_prints_draws_and_goes_to_json_and_back(found: SpeedPower) -> Non
         found.speed_at(50_000.0)
 
 
+@pytest.mark.slow
 def test_the_row_of_a_batch_has_the_speed_at_the_highest_power(table: pd.DataFrame, tmp_path: Path) -> None:
     """A recording without power at its shafts, or without reciprocal runs, has none."""
     calm, path = sail(Day(), rpm={60.0: 1, 90.0: 1}), tmp_path / "trial.mcap"

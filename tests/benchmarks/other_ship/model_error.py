@@ -80,7 +80,7 @@ def with_error(
 def forces_of(body: Body, outside: Outside, dt_s: float, states: Floats, acting: Floats) -> Floats:
     """Total forces and the thrusters' own along a run: [rows, 6] in N, N, N m twice."""
     out = np.empty((len(states), 6))
-    forces_along(body, outside, dt_s, states, acting, out)
+    forces_along(body, outside, dt_s, np.ascontiguousarray(states), np.ascontiguousarray(acting), out)
     return out
 
 

@@ -59,8 +59,8 @@ def outside_of(sizes: Mapping[str, float], shear_to_rad: float, from_s: float, o
         shear_to_rad,
         bank,
         fading=fading,
-        fading_from_s=from_s,
-        fading_over_s=over_s,
+        fading_from_s=float(from_s),
+        fading_over_s=float(over_s),  # of a whole number all would be compiled once more
         stall=stall,
         **{name: float(sizes[name]) for name in CHANGING if name in sizes},
     )

@@ -71,6 +71,7 @@ def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: InputHo
     assert (read is log) == (kind == "line")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["since the last record", *nightly("line", "until the next record")])
 def test_with_a_model_that_is_far_off_the_motion_still_says_so(plant: Plant, kind: InputHold) -> None:
     """The search for effects does not converge there; the linearisation about none decides."""

@@ -53,6 +53,7 @@ def test_a_rival_is_seen_at_its_own_size(mistaken: Evidence) -> None:
     assert width == pytest.approx(WIDTH_DEG, abs=0.5)
 
 
+@pytest.mark.slow
 def test_the_likelier_of_two_plays_is_named(mistaken: Evidence) -> None:
     """Although the search, about the other one, prefers the other one."""
     assert rivals_of(mistaken, PLAYS[:1], "backlash_port").get("backlash_starboard", np.inf) > CLOSE

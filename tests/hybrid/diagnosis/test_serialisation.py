@@ -120,9 +120,9 @@ def test_the_json_has_the_contracts_keys_in_their_order(tmp_path: Path) -> None:
 
 
 def test_estimates_that_cannot_be_told_apart_are_said_to_be(tmp_path: Path) -> None:
-    assert "cannot be separated" in page_of(named(), ALL).html
-    loose = replace(ALL, correlation=Correlation(CORRELATION.names, np.eye(2)))
-    assert "cannot be separated" not in page_of(named(), loose).html
+    diagnosis, loose = replace(named(), tracks=None), Correlation(CORRELATION.names, np.eye(2))
+    assert "cannot be separated" in page_of(diagnosis, Extras(correlation=CORRELATION)).html
+    assert "cannot be separated" not in page_of(diagnosis, Extras(correlation=loose)).html
 
 
 def test_a_folder_without_a_diagnosis_or_of_another_version_is_one_clear_error(tmp_path: Path) -> None:
@@ -144,7 +144,7 @@ def test_the_parts_of_a_trial_come_back_and_stand_on_the_page(tmp_path: Path) ->
         replace(CURRENT, drift=EffectDrift("2026-09-01T12:00:00Z", "2026-09-01T13:00:00Z", CURRENT.parameters)),
     )
     diagnosis = replace(named(), effects=parts)
-    again, extras = back(diagnosis, ALL, tmp_path)
+    again, extras = back(diagnosis, Extras(), tmp_path)
     assert again.effects == parts
     html = page_of(again, extras).html
     for words in (

@@ -36,6 +36,7 @@ def trained(shipyard: Path, sailed: Sailed) -> TrainedCalibrator:
         return st.train(earlier, f"{shipyard}/sailer.py:Sailer", "additive")
 
 
+@pytest.mark.slow
 def test_calibrator_takes_much_of_the_error_of_a_simulator(trained: TrainedCalibrator, sailed: Sailed) -> None:
     """On a voyage that neither has seen, of a ship that the simulator is not quite the model of."""
     recording = sailed("Draggy", 7, 600.0)

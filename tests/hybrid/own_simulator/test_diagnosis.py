@@ -15,6 +15,7 @@ import seatrial as st
 from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.hybrid.effects import apply_effects, catalogue_of, inside_effects
+from seatrial.hybrid.effects.simulators import save_simulator
 from seatrial.hybrid.simulation.trial import record_trial, simulate_trial
 from seatrial.hybrid.vessel.black_box import model_digest
 from seatrial.hybrid.vessel.dynamics import simulate_batch
@@ -67,6 +68,7 @@ def diagnosed(recording: Path, simulator: str, **options: Any) -> st.Diagnosis:
     return st.diagnose(recording, vessel=simulator, **options).diagnosis
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("duration_s", "windows"), [(300.0, 10), *nightly((1200.0, 50))])
 def test_named_current_is_a_file_that_predicts(
     duration_s: float, windows: int, sail: Callable[..., Path], gunnerus: str, tmp_path: Path
@@ -136,6 +138,12 @@ def test_what_is_hidden_inside_is_no_sensor(sail: Callable[..., Path], gunnerus:
     diagnosis = diagnosed(sail("yaw damping", 1200.0), gunnerus)
     assert diagnosis.verdict != "nothing_missing"
     assert {effect.name for effect in diagnosis.effects} <= BODY
+
+
+def test_saved_simulator_keeps_its_effects(gunnerus: str, tmp_path: Path) -> None:
+    model = replace(st.load_simulator(gunnerus), effects=HIDDEN["current"])
+    save_simulator(model, tmp_path / "vessel.toml", {})
+    assert st.load_simulator(tmp_path / "vessel.toml").effects == HIDDEN["current"]
 
 
 def test_catalogue_of_a_simulator_changes_nothing_inside(gunnerus: str) -> None:

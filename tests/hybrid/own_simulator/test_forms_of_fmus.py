@@ -27,9 +27,9 @@ SOLVER = '[solver]\nstart = "set"\n\n[control]'
 FORMS = [
     (2, ""),
     (3, ""),
-    (3, "start in SI"),
     (2, "no reset"),
     (3, "no reset"),
+    (3, "start in SI"),
     (2, "settable"),
     (3, "tunable controls"),
 ]
@@ -66,7 +66,7 @@ def observed() -> Observations:
     )
 
 
-@pytest.mark.parametrize(("version", "form"), [*FORMS[-2:], *nightly(*FORMS[:-2])])
+@pytest.mark.parametrize(("version", "form"), [*FORMS[-3:], *nightly(*FORMS[:-3])])
 def test_adapted_fmu_is_the_adapted_class(
     version: int, form: str, shipyard: Path, sailer: BlackBox, observed: Observations
 ) -> None:

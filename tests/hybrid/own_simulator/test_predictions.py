@@ -128,6 +128,7 @@ def test_validated_figures_are_those_of_the_model_called_directly(shipyard: Path
     assert mean_m < 0.2 * validation.scores["constant_velocity"].mean_distance_m
 
 
+@pytest.mark.slow
 def test_own_kernel_as_a_class_gives_the_figures_of_its_vessel_file(simulated: Simulated, tmp_path: Path) -> None:
     """R/V Gunnerus through the door for simulators: every figure within 1e-6."""
     recording = simulated("gentle", 100, 300.0)

@@ -44,6 +44,7 @@ def small_boat(manoeuvre: str, rate_hz: float, speeds: str, late_s: Floats) -> R
     return Recorded(4.0, rate_hz, manoeuvre, 2400.0, speeds, 0.05, 0.05, 0.01, 0.02, late_s)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *nightly(1, 2, 3)])
 def test_positions_of_a_large_ship_that_scatter_make_no_delay(seed: int) -> None:
     how = large_ship(0.5)
