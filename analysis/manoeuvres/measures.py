@@ -182,8 +182,8 @@ def _start_of_brief_change_s(
     share = (motion.helm_deg - before_deg) / (level_deg - before_deg)
     least, most = _EVEN_PART
     half = int(np.searchsorted(motion.time_s, half_s))
-    last = int(_last_crossing(share[: half + 1], least))
-    there = last + 1 + int(_first_crossing(share[last + 1 :], most))
+    last = min(int(_last_crossing(share[: half + 1], least)), share.size - 2)
+    there = min(last + 1 + int(_first_crossing(share[last + 1 :], most)), share.size - 1)
     on_way = slice(last + 1, there)
     if there > last + 1:
         start_s = float(np.mean(motion.time_s[on_way] - share[on_way] * takes_s))
@@ -390,17 +390,17 @@ def bootstrap_index_intervals(
     rows = half_width / motion.step_s
     spectra = {name: _FOLLOWED * _noise_amplitude_spectrum(getattr(motion, name) - getattr(smooth, name), rows)
                for name in POSE_AND_VELOCITY}  # fmt: skip
+    own = random.uniform(-1.0, 1.0, (REPLICATES // 2, *executes_s.shape))
+    shifts_s = unsure_s * (own + _SHARED * random.uniform(-1.0, 1.0, (len(own), *[1] * executes_s.ndim)))
     repeats = []
-    for _ in range(REPLICATES):
+    for shift_s in (*shifts_s, *-shifts_s):  # in pairs: those of one sign alone would pass for a bias
         noisy = dict[str, Any]()
         for name, amplitude in spectra.items():
             real, imaginary = random.standard_normal((2, amplitude.size)) / np.sqrt(2.0)
             noise = np.fft.irfft(amplitude * (real + 1j * imaginary), smooth.time_s.size)
             noisy[name] = getattr(smooth, name) + noise
         replicate = smooth_motion(replace(smooth, **noisy), half_width)
-        own, shared = random.uniform(-1.0, 1.0, executes_s.shape), random.uniform(-1.0, 1.0)
-        moved = executes_s + unsure_s * (own + _SHARED * shared)
-        repeats.append(measure(replicate, moved))
+        repeats.append(measure(replicate, executes_s + shift_s))
 
     path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a distance are uncertain
     place_within = dict.fromkeys(values, 0.0)
