@@ -390,10 +390,12 @@ def bootstrap_index_intervals(
     rows = half_width / motion.step_s
     spectra = {name: _FOLLOWED * _noise_amplitude_spectrum(getattr(motion, name) - getattr(smooth, name), rows)
                for name in POSE_AND_VELOCITY}  # fmt: skip
-    own = random.uniform(-1.0, 1.0, (REPLICATES // 2, *executes_s.shape))
-    shifts_s = unsure_s * (own + _SHARED * random.uniform(-1.0, 1.0, (len(own), *[1] * executes_s.ndim)))
+    # spread evenly: so few draws at random are off centre, which would pass for a bias, and of another spread
+    even = np.linspace(-1.0, 1.0, 2 * REPLICATES + 1)[1::2]
+    own = random.permuted(np.multiply.outer(even, np.ones(executes_s.shape)), axis=0)
+    shared = np.multiply.outer(random.permutation(even), np.ones(executes_s.shape))
     repeats = []
-    for shift_s in (*shifts_s, *-shifts_s):  # in pairs: those of one sign alone would pass for a bias
+    for shift_s in unsure_s * (own + _SHARED * shared):
         noisy = dict[str, Any]()
         for name, amplitude in spectra.items():
             real, imaginary = random.standard_normal((2, amplitude.size)) / np.sqrt(2.0)
