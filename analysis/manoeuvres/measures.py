@@ -390,19 +390,21 @@ def bootstrap_index_intervals(
     rows = half_width / motion.step_s
     spectra = {name: _FOLLOWED * _noise_amplitude_spectrum(getattr(motion, name) - getattr(smooth, name), rows)
                for name in POSE_AND_VELOCITY}  # fmt: skip
-    # spread evenly: so few draws at random are off centre, which would pass for a bias, and of another spread
-    even = np.linspace(-1.0, 1.0, 2 * REPLICATES + 1)[1::2]
+    # spread evenly, and noise of either sign: so few draws at random are off centre, which would pass for a bias,
+    # and another one of the same ship mirrored
+    even = np.linspace(-1.0, 1.0, REPLICATES + 1)[1::2]
     own = random.permuted(np.multiply.outer(even, np.ones(executes_s.shape)), axis=0)
     shared = np.multiply.outer(random.permutation(even), np.ones(executes_s.shape))
     repeats = []
     for shift_s in unsure_s * (own + _SHARED * shared):
-        noisy = dict[str, Any]()
+        noise = dict[str, Floats]()
         for name, amplitude in spectra.items():
             real, imaginary = random.standard_normal((2, amplitude.size)) / np.sqrt(2.0)
-            noise = np.fft.irfft(amplitude * (real + 1j * imaginary), smooth.time_s.size)
-            noisy[name] = getattr(smooth, name) + noise
-        replicate = smooth_motion(replace(smooth, **noisy), half_width)
-        repeats.append(measure(replicate, executes_s + shift_s))
+            noise[name] = np.fft.irfft(amplitude * (real + 1j * imaginary), smooth.time_s.size)
+        for sign in (1.0, -1.0):
+            noisy: dict[str, Any] = {name: getattr(smooth, name) + sign * each for name, each in noise.items()}
+            replicate = smooth_motion(replace(smooth, **noisy), half_width)
+            repeats.append(measure(replicate, executes_s + shift_s))
 
     path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a distance are uncertain
     place_within = dict.fromkeys(values, 0.0)
