@@ -163,6 +163,9 @@ def test_the_same_ship_elsewhere_mirrored_or_with_drives_that_look_aft(sail: Sai
             assert found.indices[name].value == pytest.approx(index.value, abs=max(0.35 * within, 0.02)), name
     (swapped,) = (each for each in find_manoeuvres(mirrored(table)) if each.kind != "speed_run")
     assert {plain.side, swapped.side} == {"port", "starboard"}
+    for name in (name for name in plain.indices if name.startswith("overshoot")):
+        own, other = plain.indices[name], swapped.indices[name]
+        assert (other.low, other.high) == pytest.approx((own.low, own.high), abs=1e-6), name
 
 
 def agreement(trial: Manoeuvre, truth: Manoeuvre) -> list[bool]:
