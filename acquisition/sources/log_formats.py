@@ -880,8 +880,9 @@ def read_yd_can(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
 
 _SOCKETCAN, _COOKED, _COOKED_2 = _CAN_LINKS = 227, 113, 276  # link types
 _CAN_PROTOCOLS = (0x000C, 0x000D)
-_ETHERNET, _RAW_IP = 1, (12, 14, 101, 228)
-_IP_LINKS = (_ETHERNET, _COOKED, _COOKED_2, *_RAW_IP)
+_ETHERNET = 1
+_IP_LINKS = _ETHERNET, 12, 14, 101, 228  # the others have IP without a head of their own
+_LINKS = *_CAN_LINKS, *_IP_LINKS
 _IPV4, _VLANS, _UDP = b"\x08\0", (b"\x81\0", b"\x88\xa8"), 17
 _NOTHING_CAPTURED = "no packet of the capture has a CAN frame, or lines in a datagram of UDP and IPv4"
 _IF_NAME, _IF_TSRESOL, _IF_TSOFFSET = 2, 9, 14  # options of an interface
@@ -930,7 +931,7 @@ def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
                 for entry in _parse_captured_packet(body[20 : 20 + captured], link, time_ns, reader, name):
                     is_empty = False
                     yield entry
-    if not any(link in (*_CAN_LINKS, *_IP_LINKS) for link, *_ in links):
+    if not any(link in _LINKS for link, *_ in links):
         _check_link_type(links[0][0] if links else 0)
     if is_empty:
         raise ValueError(_NOTHING_CAPTURED)
@@ -953,7 +954,7 @@ def _parse_interface(body: bytes, order: str, number: int) -> tuple[int, int, in
 
 
 def _check_link_type(link: int) -> None:
-    if link not in (*_CAN_LINKS, *_IP_LINKS):
+    if link not in _LINKS:
         raise ValueError(
             f"it is a capture of link type {link}, which has no CAN frames ({_SOCKETCAN} does) and no datagrams"
             f" ({_ETHERNET} does)"

@@ -430,7 +430,7 @@ def map_of_long_table(raw: RawTable, channels: Collection[str]) -> ColumnMap | N
 def _add_plane_position(result: TableFile, entry: Position, requested: _RequestedColumns) -> None:
     """Add the positions of the map's columns, without rows that its column of fixes calls lost."""
     latitude, longitude = _latitude_and_longitude(requested, entry)
-    lost = np.zeros(latitude.size, dtype=bool)
+    lost: Bools | bool = False
     if entry.fix is not None:
         lost = entry.lost_fix_mask(requested.raw.columns[requested.require_column(entry.fix, ("position", "fix"))])
         over_ground = [name for name in GROUND_CHANNELS if name in result.table]
@@ -440,7 +440,12 @@ def _add_plane_position(result: TableFile, entry: Position, requested: _Requeste
 
 
 def add_projected_position(
-    result: TableFile, latitude: Floats, longitude: Floats, columns: tuple[str, str], path: Path, lost: Bools
+    result: TableFile,
+    latitude: Floats,
+    longitude: Floats,
+    columns: tuple[str, str],
+    path: Path,
+    lost: Bools | bool = False,
 ) -> None:
     """Add north and east of the trial's origin, or of the first fix, on the WGS 84 tangent plane, from latitude and
     longitude [n, deg] of two columns; rows that are ``lost`` or hold a code for no position have none.

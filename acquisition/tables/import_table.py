@@ -400,7 +400,7 @@ def _read_standard(
     plane, globe = _TRACK_CHANNELS[:2], _TRACK_CHANNELS[2:]
     if set(globe) <= set(names) and set(plane).isdisjoint(names):
         latitude, longitude = (file.table[name].to_numpy() for name in globe)
-        column_map.add_projected_position(file, latitude, longitude, globe, raw.path, np.isnan(latitude))
+        column_map.add_projected_position(file, latitude, longitude, globe, raw.path)
     return _assign_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
 
 

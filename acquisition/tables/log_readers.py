@@ -689,9 +689,7 @@ def read_dataflash(path: str, cells: foreign_reader.CellBudget) -> dict[str, Any
 
         def _parse_next(self) -> Any:
             begin, message = self.offset, super()._parse_next()
-            self.offset = max(
-                self.offset, begin + 1
-            )  # a message that states no length would come again without end
+            self.offset = max(self.offset, begin + 1)  # one that states no length would come again without end
             return message
 
     reader, log = Reader(path), LogContent(cells)

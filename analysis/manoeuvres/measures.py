@@ -69,7 +69,8 @@ def helm_rate_dps(helm: Floats, step_s: float) -> float:
     few rows are as long as the mean number of rows on the way says: between two rows any rate is possible.
     """
     calm, turns = helm_turning_points(helm, step_s)
-    rates, ways_deg, on_way, (least, most) = list[float](), list[float](), 0.5, _EVEN_PART
+    rates, ways_deg, (least, most) = list[float](), list[float](), _EVEN_PART
+    on_way = 0.5  # rows of all movements; without any the rate is high, and yet not infinite
     for first, last in pairwise(turns):
         travel = np.maximum.accumulate(np.abs(calm[first : last + 1] - calm[first]))
         order = np.arange(travel.size)
@@ -393,8 +394,8 @@ def bootstrap_index_intervals(
     # spread evenly, and noise of either sign: so few draws at random are off centre, which would pass for a bias,
     # and another one of the same ship mirrored
     even = np.linspace(-1.0, 1.0, REPLICATES + 1)[1::2]
-    own = random.permuted(np.multiply.outer(even, np.ones(executes_s.shape)), axis=0)
-    shared = np.multiply.outer(random.permutation(even), np.ones(executes_s.shape))
+    spread = np.multiply.outer(even, np.ones(executes_s.shape))
+    own, shared = random.permuted(spread, axis=0), spread[random.permutation(len(even))]
     repeats = []
     for shift_s in unsure_s * (own + _SHARED * shared):
         noise = dict[str, Floats]()
@@ -402,7 +403,7 @@ def bootstrap_index_intervals(
             real, imaginary = random.standard_normal((2, amplitude.size)) / np.sqrt(2.0)
             noise[name] = np.fft.irfft(amplitude * (real + 1j * imaginary), smooth.time_s.size)
         for sign in (1.0, -1.0):
-            noisy: dict[str, Any] = {name: getattr(smooth, name) + sign * each for name, each in noise.items()}
+            noisy: dict[str, Any] = {name: getattr(smooth, name) + sign * added for name, added in noise.items()}
             replicate = smooth_motion(replace(smooth, **noisy), half_width)
             repeats.append(measure(replicate, executes_s + shift_s))
 

@@ -108,9 +108,8 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuv
         # without its beginning, where the ship regains speed after a turn; all of it if less than half is level
         starts = np.linspace(first, 0.5 * (first + end), _TRIED_STARTS).astype(int)
         long = [start for start in starts if (end - start) * smooth.step_s >= LEAST_RUN_S]
-        reasons = {int(start): why_no_speed_run(motion, smooth, start, end) for start in (*long, first)}
-        start = next((start for start, why in reasons.items() if not why), first)
-        candidates[start, end] = reasons[start]
+        start = next((start for start in long if not why_no_speed_run(motion, smooth, start, end)), first)
+        candidates[start, end] = why_no_speed_run(motion, smooth, start, end)
     runs, left_out = list[Manoeuvre](), list[LeftOut]()
     for (first, end), why in candidates.items():
         part = motion.rows(first, end)
