@@ -112,7 +112,9 @@ class Picture:
         yield _source_table(health, now_ns)
         used_rows = 2 + len(remarks) + 1 + len(health.names) + 1 + len(health.sources) + len(health.sinks)
         free_rows = (options.height or console.height) - used_rows - 1  # the cursor needs a line of its own
-        yield from _event_lines(health, free_rows)
+        for time_ns, level, text in health.events.newest(free_rows):
+            moment, line = datetime.fromtimestamp(time_ns // 10**9, UTC), text.replace("\n", r"\n")
+            yield _one_line_text((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
 
 
 def _one_line_text(*parts: str | tuple[str, str]) -> Text:
@@ -196,12 +198,6 @@ def _source_table(health: monitoring.Health, now_ns: int) -> Table:
         state, dropped = sink.state_at(now_ns), Text(f"{sink.dropped:,}", "yellow" if sink.dropped else "")
         table.add_row(f"to {sink.name}", Text(state, _STATE_STYLES[state]), f"{sink.sent:,}", "", dropped)
     return table
-
-
-def _event_lines(health: monitoring.Health, rows: int) -> Iterator[Text]:
-    for time_ns, level, text in health.events.newest(rows):
-        moment, line = datetime.fromtimestamp(time_ns // 10**9, UTC), text.replace("\n", r"\n")
-        yield _one_line_text((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
 
 
 def status_text(health: monitoring.Health) -> str:

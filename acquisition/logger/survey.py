@@ -178,6 +178,14 @@ class Survey(FrameProcessor):
         }
         return [name for name in listed if source in lines.get(name, ())]
 
+    def is_available(self, quantity: str) -> bool:
+        """Whether a quantity to derive channels with is known: from a line, the ship's, or the configuration."""
+        if quantity == "magnetic_variation_deg" and self.config.magnetic_variation_deg is not None:
+            return True
+        if quantity in ship.POSE_AND_VELOCITY and quantity != "heading_deg":
+            return bool(self.health.channels[quantity].count)
+        return quantity in self.quantities
+
     def process(self, frame: Frame) -> None:
         self.first_ns = self.first_ns or frame.received_ns
         self.last_ns = max(self.last_ns, frame.received_ns)
@@ -185,7 +193,7 @@ class Survey(FrameProcessor):
         # the later parts of a message in several frames of CAN are not counted
         is_part = frame.protocol == "can" and not frame.flags & ~FrameFlag.LATE
         is_part = is_part and bool(frame.payload) and bool(frame.payload[0] & 0x1F)
-        is_part = is_part and _is_fast_packet_group(nmea2000.split_can_identifier(frame.identifier)[0])
+        is_part = is_part and nmea2000.is_fast_packet_group(nmea2000.split_can_identifier(frame.identifier)[0])
         for kind in self._traffic_kinds(frame):
             self._kind, tally = kind, self._tally_of(kind)
             if not is_part:
@@ -299,12 +307,6 @@ def _read_raw_frames(paths: Iterable[Path]) -> Iterator[Frame]:
         if entry.topic.startswith(messages.RAW_PREFIX):
             with suppress(ValueError, KeyError, TypeError):
                 yield entry.decode_frame()
-
-
-@cache
-def _is_fast_packet_group(group: int) -> bool:
-    variants = nmea2000.group_variants(group)
-    return bool(variants) and all(variant.packet_type == "Fast" for variant in variants)
 
 
 def is_proprietary_group(group: int) -> bool:
@@ -455,7 +457,7 @@ def _why_channel_is_not_derived(name: str, survey: Survey) -> str:
         labels = survey.quantities.get(origin, {})
         if name not in channels or not labels:
             continue
-        lacking = next((need for need in needs if not _is_quantity_available(need, survey)), None)
+        lacking = next((need for need in needs if not survey.is_available(need)), None)
         if lacking is not None:
             remedy = "the sensor leaves it out"
             if lacking == "magnetic_variation_deg":
@@ -470,15 +472,6 @@ def _why_channel_is_not_derived(name: str, survey: Survey) -> str:
             )
             return f"{_message_names(labels)} comes, but {remark}"
     return ""
-
-
-def _is_quantity_available(quantity: str, survey: Survey) -> bool:
-    """Whether a quantity to derive channels with is known: from a line, the ship's, or the configuration."""
-    if quantity == "magnetic_variation_deg" and survey.config.magnetic_variation_deg is not None:
-        return True
-    if quantity in ship.POSE_AND_VELOCITY and quantity != "heading_deg":
-        return bool(survey.health.channels[quantity].count)
-    return quantity in survey.quantities
 
 
 def _quantity_interval_s(quantity: str, survey: Survey) -> float:

@@ -374,7 +374,7 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
                 where = tuple((Field(condition.start, condition.bits), code) for condition, code in conditions)
                 step = origin.conversion_to_channel(channel, place.unit)
             self.setdefault(origin.group, []).append(_GroupChannel(channel, place, step, where, origin.address))
-            if _is_fast_packet_group(origin.group) and origin.group not in SHORTEST_BYTES:
+            if is_fast_packet_group(origin.group) and origin.group not in SHORTEST_BYTES:
                 last_bit = max(
                     field.start + field.bits for field in (place, *(condition for condition, _ in where))
                 )
@@ -461,13 +461,10 @@ def _readable_fields(group: int) -> dict[str, Field]:
 
 
 @cache
-def _is_fast_packet_group(group: int) -> bool:
+def is_fast_packet_group(group: int) -> bool:
     """Whether a group comes in several frames: by its number where that decides, else by canboat's database."""
-    if group == _FAST[0] or group in _FAST[1]:
-        return True
-    if group < _NMEA2000_FROM or group == _PROPRIETARY[0]:
-        return False
-    return any(variant.packet_type == "Fast" for variant in group_variants(group))
+    is_by_number = group == _FAST[0] or group in _FAST[1]
+    return is_by_number or any(variant.packet_type == "Fast" for variant in group_variants(group))
 
 
 _CLOCKS = (SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION)

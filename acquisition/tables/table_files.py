@@ -415,9 +415,13 @@ def read_netcdf(path: Path) -> RawTable:
     if is_hdf5 := _is_hdf5(path):
         require_package("h5py", "hdf5", path)
     variables, attributes = process.read_in_child(FOREIGN_READER, "netcdf_4" if is_hdf5 else "netcdf", path)
-    variables = {
-        name: (*_without_short_dimensions(*variable[:2]), variable[2]) for name, variable in variables.items()
-    }
+    for name, (
+        dimensions,
+        values,
+        metadata,
+    ) in variables.items():  # without those of one entry, as of one trajectory
+        long = tuple(entry for entry, size in zip(dimensions, values.shape, strict=True) if size != 1)
+        variables[name] = (long, values.squeeze(), metadata) if long else (dimensions, values.ravel(), metadata)
     standard = (name for name, (_, _, metadata) in variables.items() if metadata.get("standard_name") == "time")
     time = next((name for name in (*_TIME_NAMES, *standard) if name in variables), None)
     groups = attributes.get(GROUPS, ())
@@ -456,14 +460,6 @@ def read_netcdf(path: Path) -> RawTable:
     }
     trial = parse_trial(files.parse_json(str(attributes.get("trial", "{}"))))
     return RawTable(path, frame, trial, units, meanings, remarks=(*remarks,))
-
-
-def _without_short_dimensions(
-    dimensions: tuple[str, ...], values: quantities.AnyArray
-) -> tuple[tuple[str, ...], quantities.AnyArray]:
-    """A variable's dimensions and values without dimensions of one entry, such as that of a single trajectory."""
-    long = tuple(name for name, size in zip(dimensions, values.shape, strict=True) if size != 1)
-    return (long, values.squeeze()) if long else (dimensions, values.ravel())
 
 
 def times_since(

@@ -441,17 +441,11 @@ def _fit_with_waves(
     wavy, wavy_cost = search.lowest_cost(guesses, search.bounds)
     has_width = wavy[5] > np.log(_DAMPINGS[0]) + _AT_BOUND  # a line without width comes from the ship
     significant = has_width and wavy_cost < cost - 3.0 * np.log(max(search.count, 2))
-    return wavy if significant and _longest_half_power_s(wavy) < _LONGEST_WAVE_S else plain
-
-
-def _longest_half_power_s(logs: Floats) -> float:
-    """The longer of the two periods at which the spectrum of the waves' velocity has half its peak [s].
-
-    Half the power of an oscillator's velocity is at its frequency times sqrt(1 + damping^2) +- damping. What goes
-    beyond the longest waves is the ship's: of a zigzag on a track without noise the sway was taken for waves.
-    """
-    frequency, damping = np.exp(logs[_CALM + 1 : _WAVY])
-    return float(2.0 * np.pi / (frequency * (np.hypot(1.0, damping) - damping)))
+    # Half the power of an oscillator's velocity is at its frequency times sqrt(1 + damping^2) +- damping. What goes
+    # beyond the longest waves is the ship's: of a zigzag on a track without noise the sway was taken for waves.
+    frequency, damping = np.exp(wavy[_CALM + 1 : _WAVY])
+    longest_s = 2.0 * np.pi / (frequency * (np.hypot(1.0, damping) - damping))
+    return wavy if significant and longest_s < _LONGEST_WAVE_S else plain
 
 
 @dataclass(frozen=True)

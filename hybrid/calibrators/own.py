@@ -238,6 +238,13 @@ class Reference:
     numbers: dict[str, FiniteFloat | tuple[FiniteFloat, ...]]
     simulator: str = ""
 
+    @classmethod
+    def to_model(cls, name: str, model: MotionModel) -> Reference:
+        """The reference to a model whose vessel is of this name."""
+        if isinstance(model, BlackBox):
+            return cls(model.name, model_digest(model), {}, printable_path(model.file))
+        return cls(printable_path(name), plant_hash(model), plant_numbers(model))
+
 
 @dataclass(frozen=True, slots=True)
 class StoredFallback:
@@ -496,7 +503,7 @@ def save(trained: calibrators.TrainedCalibrator, folder: str | Path) -> Path:
         horizon_s=trained.horizon_s,
         past_s=PAST_S,
         channels=ship.trial_channel_names(trained.plant.layout),
-        vessel=_stored_reference(trained.vessel, trained.plant),
+        vessel=Reference.to_model(trained.vessel, trained.plant),
         calibrator=describe_calibrator(trained.calibrator, tensors["calibrator"]),
         data_driven=describe_calibrator(trained.data_driven, tensors["data_driven"])
         if trained.data_driven
@@ -519,13 +526,6 @@ def save(trained: calibrators.TrainedCalibrator, folder: str | Path) -> Path:
         for name, content in (contents | {SIDECAR: text}).items():
             files.write_bytes(folder / name, content)
     return folder / SIDECAR
-
-
-def _stored_reference(name: str, model: MotionModel) -> Reference:
-    """The reference model as the sidecar has it."""
-    if isinstance(model, BlackBox):
-        return Reference(model.name, model_digest(model), {}, printable_path(model.file))
-    return Reference(printable_path(name), plant_hash(model), plant_numbers(model))
 
 
 def load(

@@ -154,7 +154,12 @@ def log_of(tables: Sequence[pd.DataFrame], length_m: float = np.inf, fixed_step_
     :class:`DataShortageError` if no stretch is long enough, :class:`ConfigurationError` for a fixed step of which a
     second cannot be followed in whole ones.
     """
-    complete = [_complete_table(table) for table in tables]
+    for table in tables:
+        require(table, (*ship.POSE, *ship.control_names(table_actuators(table))))
+    complete = [
+        table.assign(**dict.fromkeys((name for name in ship.VELOCITY if name not in table), np.nan))
+        for table in tables
+    ]
     smoothed = [smoothed_motion(table) for table in complete]
     steps = _steps_per_second(length_m, [motion for _, motion, *_ in smoothed])
     steps = steps if fixed_step_s is None else _steps_of_whole(fixed_step_s, steps)
@@ -203,12 +208,6 @@ def join_tables(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     table = pd.concat(parts)
     table.attrs = parts[0].attrs
     return table
-
-
-def _complete_table(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with columns for all of the velocity; raises :class:`InputError` where it lacks what has to be."""
-    require(table, (*ship.POSE, *ship.control_names(table_actuators(table))))
-    return table.assign(**dict.fromkeys((name for name in ship.VELOCITY if name not in table), np.nan))
 
 
 def _steps_per_second(length_m: float, motions: Sequence[Floats]) -> int:

@@ -209,7 +209,16 @@ def matrix_model(
     service = manoeuvres.steady_speed_mps(plant, ahead)
     thrusters = tuple(_thrusters(vessel, plant, ahead, service))
     if steering_by_kind is not None:
-        thrusters = tuple(_without_speed_loss(thruster, ahead, service) for thruster in thrusters)
+        shafts = [
+            abs(ahead[thruster.control]) * thruster.shaft_per_unit * bool(thruster.direction)
+            for thruster in thrusters
+        ]
+        thrusters = tuple(
+            replace(
+                thruster, nn=float(thruster.nn + (thruster.nu * service / n if n else 0.0)), nu=0.0, nu_astern=0.0
+            )
+            for thruster, n in zip(thrusters, shafts, strict=True)
+        )
     model = MatrixModel(rigid, added, x_G, m, {}, (0.0, 0.0, 0.0), thrusters, service)
     speeds, controls, weights = _situations(vessel, plant, service)
     forces = _forces(pack(plant)[0], controls, speeds, True) - model.thrust(controls, speeds[:, 0])
@@ -242,14 +251,6 @@ def matrix_model(
         replace(thruster, steering=coefficients) for thruster, coefficients in zip(thrusters, steering, strict=True)
     )
     return replace(model, hull=fitted, fit=(left[0], left[1], left[2]), thrusters=steered_ship)
-
-
-def _without_speed_loss(thruster: Thruster, ahead: Floats, service: float) -> Thruster:
-    n = abs(ahead[thruster.control]) * thruster.shaft_per_unit if thruster.direction else 0.0
-    if n == 0.0:
-        return replace(thruster, nu=0.0, nu_astern=0.0)
-    at_service = float(thruster.nn + thruster.nu * service / n)
-    return replace(thruster, nn=at_service, nu=0.0, nu_astern=0.0)
 
 
 def _situations(vessel: Vessel, plant: Plant, service: float) -> tuple[Floats, Floats, Floats]:

@@ -27,7 +27,7 @@ from seatrial.analysis.report import pages, tables
 from seatrial.hybrid.diagnosis import acceptance, linearise, regression, result, verdict, witnesses
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
-from seatrial.hybrid.effects import VERSION, Catalogue, Effect, context, environment, parameter_of
+from seatrial.hybrid.effects import VERSION, Effect, context, environment, parameter_of
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.text import (
     UNITS,
@@ -307,13 +307,6 @@ def contradictions(sensors: acceptance.Acceptance) -> tuple[result.SensorContrad
     return tuple(sorted(results, key=lambda contradiction: contradiction.p_value))
 
 
-def _no_wind(catalogue: Catalogue) -> str:
-    """The remark on a trial in which the wind is nil: it was not recorded, or a calm was."""
-    if environment.STEADY_WIND.name in catalogue:
-        return "no wind was recorded: only a steady wind was considered"
-    return "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
-
-
 def integration_remarks(moves_s: float, turns_s: float) -> list[str]:
     """The remark on a simulator whose own integration is late by so much, as :func:`.integration_delays_s`."""
     if max(abs(moves_s), abs(turns_s)) < _LATE_S:
@@ -329,7 +322,12 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
     remarks = []
     if not log.wind[:, 1].any():
-        remarks.append(_no_wind(equations.model.catalogue))
+        was_recorded = environment.STEADY_WIND.name not in equations.model.catalogue
+        remarks.append(
+            "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
+            if was_recorded
+            else "no wind was recorded: only a steady wind was considered"
+        )
     if log.input_hold != "line":
         setting = (
             f"thruster settings are taken as held {log.input_hold}: this fits the motion better than interpolation"

@@ -377,8 +377,10 @@ def simulate_black_box(
     came_back = run_all(model, count, job, name_of)
     states[~came_back, 1:] = np.nan
     states[:, 0] = start
-    states_back, numbers = states[came_back], np.flatnonzero(came_back)
-    _warn_of_no_numbers(FailedRuns(model, count), states_back, numbers, dt_s, name_of)
+    failed, valid = FailedRuns(model, count), np.asarray(np.isfinite(states).all(axis=2))
+    for row in np.flatnonzero(came_back & valid[:, 0] & ~valid.all(axis=1)):  # that started well
+        failed.why[int(row)] = f"returned no number after {dt_s * int(np.argmin(valid[row])):g} s"
+    failed.warn(name_of)
     elapsed_s = dt_s * np.arange(steps + 1)
     north, east = model.current_mps
     return states_over_water(states, (-north, -east), elapsed_s)
@@ -407,17 +409,6 @@ def step_over_ground(models: Sequence[BlackBox], step: Step) -> Step:
         return states_over_water(later, -currents, dt_s)
 
     return stepped if any(model.numbers for model in models) else step
-
-
-def _warn_of_no_numbers(
-    failed: FailedRuns, states: Floats, numbers: Ints, dt_s: float, name_of: RunNames | None
-) -> None:
-    """Warn of runs [N, K+1, 6] that started well and then returned no number."""
-    valid = np.asarray(np.isfinite(states).all(axis=2))
-    rows = np.flatnonzero(valid[:, 0] & ~valid.all(axis=1))
-    for row in rows:
-        failed.why[int(numbers[row])] = f"returned no number after {dt_s * int(np.argmin(valid[row])):g} s"
-    failed.warn(name_of)
 
 
 def _run_in(

@@ -32,7 +32,7 @@ from seatrial.acquisition.discovery.listen import (
 from seatrial.acquisition.emulator import NullModem, emulate
 from seatrial.acquisition.logger.record import record
 from seatrial.acquisition.protocols.nmea0183 import frame_sentence, split_sentence
-from tests.acquisition.can_frames import identifier_of
+from tests.acquisition.can_frames import fast_parts, identifier_of
 from tests.acquisition.conftest import DBC, SIGNALS, Broker, free_port, write_voyage
 from tests.conftest import Command
 
@@ -381,6 +381,19 @@ def test_devices_are_told_by_what_they_claim_and_those_that_compete_are_named(tm
     assert len(parse_config(ordered, tmp_path / "x.toml").sources[0].devices) == 2  # type: ignore[union-attr]
     rates = {each["device"]: each["rate_hz"] for each in found.as_json()["messages"] if each["message"] == "127250"}
     assert rates == pytest.approx({"7": 10.0, "36": 10.0}, rel=0.01)
+
+
+@pytest.mark.parametrize("group", [129029, 126208, 130823, 130990])
+def test_a_message_in_several_frames_counts_once(tmp_path: Path, group: int) -> None:
+    """Whether canboat's database knows it or its number alone says that it comes so."""
+    rows = [
+        f"({1_779_019_200 + second:.6f}) can0 {identifier_of(group, 7):08X}#{part.hex()}"
+        for second in range(12)
+        for part in fast_parts(bytes(range(20)), second % 8)
+    ]
+    (tmp_path / "bus.log").write_text("\n".join(rows))
+    found = discover(parse_places([str(tmp_path / "bus.log")]), folder=tmp_path).as_json()["messages"]
+    assert [(each["message"], each["count"]) for each in found] == [(str(group), 12)]
 
 
 def test_packs_are_taken_in_whose_channels_come_and_engines_are_counted(tmp_path: Path, log: Log) -> None:
