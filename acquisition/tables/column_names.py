@@ -308,6 +308,45 @@ def parse_units(text: str) -> tuple[str, ...]:
     return ()
 
 
+_SIDE = "|".join(sorted((word for word in PORT | STARBOARD if len(word) > 1), key=lambda word: (-len(word), word)))
+_TOWARDS = r"(?:(?:to|towards?|is|means|when|te|trailing[ _]edge|nach|vers|til)[ _]+)*"
+_SIGN_WORD = "[+-]ve|positi[vf][eo]?|negati[vf][eo]?"  # "pos" is a position
+_SIGN_STATEMENT = re.compile(
+    rf"(?:(?:^|(?<=[\s\[({{,;/_]))[+-]|(?<![^\W_])(?:{_SIGN_WORD}))[\s_=:]*"
+    rf"{_TOWARDS}(?P<side>{_SIDE})(?![^\W_])"
+    rf"|(?<![^\W_])(?P<named>{_SIDE})[\s_=:]*(?:is[ _]+)?"
+    rf"(?:[+-](?=\s*(?:$|[\])}},;/]))|(?:{_SIGN_WORD})(?![^\W_]))"
+)
+
+
+def split_sign_statement(header: str) -> tuple[str, str]:
+    """A header without what it says of its sign, and the side that counts positive; empty where it says nothing.
+
+    A minus alone separates words; beside a plus it states the other side.
+
+    >>> split_sign_statement("Rudder angle [deg, + stbd]"), split_sign_statement("rudder_deg_port_positive")
+    (('Rudder angle [deg]', 'starboard'), ('rudder_deg', 'port'))
+    >>> split_sign_statement("Rudder - port"), split_sign_statement("rpm port + stbd")
+    (('Rudder - port', ''), ('rpm port + stbd', ''))
+    """
+    plain = lower_case_without_accents(header)
+    matches = list(_SIGN_STATEMENT.finditer(plain)) if len(plain) == len(header) else []
+    positive, end = "", 0
+    for match in matches:
+        before, end = plain[end : match.start()], match.end()
+        if match["side"] and re.search(rf"(?<![^\W_])(?:{_SIDE})[\s_]*$", before):  # "port + stbd" is a sum
+            return header, ""
+        is_port, is_minus = (match["side"] or match["named"]) in PORT, re.search("-|neg", match[0])
+        if not is_minus or re.search("-ve|neg", match[0]):
+            positive = "port" if is_port != bool(is_minus) else "starboard"
+    if not positive:
+        return header, ""
+    for match in reversed(matches):
+        header = header[: match.start()] + header[match.end() :]
+    header = re.sub(r"[\s,;/]*([\])}])", r"\1", header)
+    return re.sub(r"\s*(?:\[\]|\(\)|\{\})|\s+(?=\s)", "", header).strip(" _,;:/="), positive
+
+
 def is_unit_cell(text: str) -> bool:
     """Whether a cell of a row below the names may stand in a row of units."""
     content = text.strip().strip("[](){}").strip()
@@ -320,6 +359,7 @@ def split_header(name: str) -> HeaderUnit:
     >>> split_header("Speed over ground [kn]").name, split_header("sog_kn").units, split_header("v / (m/s)").units
     ('Speed over ground', ('knots',), ('m/s',))
     """
+    name, _ = split_sign_statement(name)
     for match in reversed(list(_BRACKETED.finditer(name))):
         units = parse_units(match[1])
         if units or _NO_UNIT.fullmatch(match[1].strip()):

@@ -276,6 +276,9 @@ def assign_best_column(
         assign_column(context, name, candidate, *unit_guess)
 
 
+POSITIVE_TO_PORT = "its head says that it is positive to port"
+
+
 def invert_sign_of_assigned_channel(context: TableContext, name: str, why: str) -> None:
     """Change the sign of an assigned channel."""
     column = rescale_assigned_channel(context, name, -1.0, 0.0, f"sign turned: {why}")
@@ -387,13 +390,17 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class ColumnCandidate:
-    """A column that may hold a quantity, the fraction of its name that says so, and the units of its header."""
+    """A column that may hold a quantity, the fraction of its name that says so, and the units of its header.
+
+    ``positive`` is the side that its header says to count positive.
+    """
 
     column: str
     quantity: column_names.Quantity
     cover: float
     units: tuple[str, ...]
     words: frozenset[str]
+    positive: str = ""
 
     @property
     def header_unit(self) -> tuple[str, str] | None:
@@ -506,7 +513,8 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
                 )
             )
             continue
-        names = [(raw.meanings.get(column, ""), stated_units), (head.name, stated_units or head.units)]
+        signs = [column_names.split_sign_statement(text) for text in (raw.meanings.get(column, ""), column)]
+        names = [(signs[0][0], stated_units), (head.name, stated_units or head.units)]
         if column.endswith(head.text):  # the supposed unit may be part of the name
             names.append((column, stated_units))
         if {"rpm", "rps"} & {*head.units}:  # "Shaft (rpm)"
@@ -536,11 +544,9 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
                     break  # an ordered motion is not the motion
                 header = f"{name} {column} {raw.units.get(column, '')}"
                 quantity = column_names.refer_to_north(match.quantity, header)
-                candidates.append(
-                    ColumnCandidate(
-                        column, quantity, match.cover, usable, frozenset(column_names.split_into_words(name))
-                    )
-                )
+                words = frozenset(column_names.split_into_words(name))
+                positive = signs[1][1] or signs[0][1]
+                candidates.append(ColumnCandidate(column, quantity, match.cover, usable, words, positive))
                 break
     return candidates
 

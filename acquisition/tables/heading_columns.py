@@ -469,7 +469,11 @@ def assign_yaw_rate_column(context: TableContext) -> None:
     if unit_guess is None:
         return
     evidence.assign_column(context, "yaw_rate_dps", candidate, *unit_guess)
-    if not (regression.is_clear and regression.factor < 0.0) or context.heading_is_asked:
+    turns = np.sign(regression.factor) if regression.is_clear and not context.heading_is_asked else 0.0
+    if turns > 0.0 or (turns == 0.0 and candidate.positive != "port"):
+        return
+    if candidate.positive == "port" and not (turns and context.heading_is_sure):
+        evidence.invert_sign_of_assigned_channel(context, "yaw_rate_dps", evidence.POSITIVE_TO_PORT)
         return
     if context.heading_is_sure:
         evidence.invert_sign_of_assigned_channel(context, "yaw_rate_dps", "positive to starboard by the heading")
@@ -589,9 +593,15 @@ def _runs_along_ship(context: TableContext, north: Floats, east: Floats) -> bool
 
 
 def correct_sway_sign(context: TableContext) -> None:
-    """Invert the sign of a sway that is positive to port by the track."""
+    """Invert the sign of a sway that is positive to port by the track, or by its head if no track shows it."""
+    if "sway_mps" not in context.channels:
+        return
     moves = evidence.channel_increments(context, *evidence.POSITION_CHANNELS, "heading_deg", "sway_mps")
-    if not moves or "sway_mps" not in context.channels or context.heading_is_asked:
+    candidate = evidence.best_candidate(context.draft, "sway_mps")
+    is_to_port = candidate is not None and candidate.positive == "port"
+    if not moves or context.heading_is_asked:
+        if is_to_port:
+            evidence.invert_sign_of_assigned_channel(context, "sway_mps", evidence.POSITIVE_TO_PORT)
         return
     heading = np.deg2rad(evidence.mean_angle(context, context.series["heading_deg"]))
     across = moves[1] * np.cos(heading) - moves[0] * np.sin(heading)
@@ -600,3 +610,5 @@ def correct_sway_sign(context: TableContext) -> None:
     )
     if regression.is_clear and regression.factor < 0.0:
         evidence.invert_sign_of_assigned_channel(context, "sway_mps", "positive to starboard by the track")
+    elif is_to_port and not regression.is_clear:
+        evidence.invert_sign_of_assigned_channel(context, "sway_mps", evidence.POSITIVE_TO_PORT)

@@ -265,6 +265,51 @@ def test_without_a_track_the_sign_of_a_rate_of_turn_can_be_answered(tmp_path: Pa
     assert not any("sign of" in each for each in kept.warnings)
 
 
+RUDDERS_BY_SIGN = {
+    1.0: (
+        "Rudder angle [deg, + stbd]",
+        "Rudder (STBD +ve) [deg]",
+        "Ruderlage [°] (+ Stb)",
+        "Rudder (-port/+stbd) [deg]",
+    ),
+    -1.0: ("rudder_deg_port_positive", "Rudder, positive to port [deg]", "Rudder (stbd negative) [deg]"),
+}
+
+
+@pytest.mark.parametrize(
+    ("sign", "head"), [(sign, head) for sign, heads in RUDDERS_BY_SIGN.items() for head in heads]
+)
+@pytest.mark.parametrize("turns", [True, False])
+def test_the_side_that_counts_positive_is_no_place_on_the_ship(
+    head: str, sign: float, turns: bool, tmp_path: Path
+) -> None:
+    """The ship has one rudder; where no turning shows how it counts, its head does."""
+    truth = Truth()
+    frame = table_of(truth, heading=truth.heading_deg, **{"rpm": truth.rpm, head: sign * truth.rudder})
+    if not turns:
+        frame = frame.assign(heading=40.0, lat=PLACE[0] + 5e-5 * np.arange(len(frame)), lon=PLACE[1])
+    proposal, found = imported(written(tmp_path, frame))
+    assert not proposal.unanswered
+    assert np.abs(found["rudder_angle_deg"] - truth.rudder).max() < 1e-6
+    assert any("sign of" in each for each in proposal.warnings) == (sign < 0.0)
+
+
+@pytest.mark.parametrize("name", ["yaw_rate_dps", "sway_mps"])
+def test_a_head_says_that_a_motion_counts_to_port_where_no_track_does(name: str, tmp_path: Path) -> None:
+    truth, head = Truth(), {"yaw_rate_dps": "ROT [deg/s, + port]", "sway_mps": "sway (port positive) [m/s]"}[name]
+    frame = table_of(truth, heading=truth.heading_deg, **{head: -truth.table[name].to_numpy()})
+    proposal, found = imported(written(tmp_path, frame.drop(columns=["lat", "lon"])))
+    assert not [each for each in proposal.questions if each.key == "rate_of_turn"]
+    assert np.abs(found[name] - truth.table[name]).max() < 1e-6
+
+
+@pytest.mark.parametrize("head", ["Rudder - port [deg]", "Rudder pos port [deg]", "Port rudder [deg] (+ stbd)"])
+def test_a_side_without_a_sign_is_a_place(head: str, tmp_path: Path) -> None:
+    truth = Truth()
+    _, found = imported(written(tmp_path, table_of(truth, heading=truth.heading_deg, **{head: truth.rudder})))
+    assert "port_rudder_angle_deg" in found
+
+
 @pytest.mark.parametrize(
     "heads", [("u [kn]", "v [kn]"), *nightly(["u", "v"], ["u [m/s]", "v [m/s]"], ["vx [m/s]", "vy [m/s]"])]
 )
