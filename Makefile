@@ -63,7 +63,7 @@ oracle: $(STAMP) ## rudder ships and NetCDF against other programs, which it ins
 	$(BIN)/python -m pytest tests/hybrid/test_rudder_ships.py tests/analysis/test_netcdf.py
 
 pages: $(STAMP)  ## the tutorial word by word, the notebooks, the site
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m pages
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "pages and not slow"
 
 docs: $(STAMP)   ## the documentation as a site in docs/_build/html; a warning is an error
 	$(BIN)/python -m sphinx -b html -d docs/_build/doctrees -W --keep-going -n -q docs docs/_build/html

@@ -904,10 +904,10 @@ def find_actuators(
                 )
             columns[channel] = ActuatorColumn(control.candidate, channel, actuator.kind, why)
             kinds[actuator.name] = actuator.kind
-    actuators = tuple(
-        actuator
-        for actuator in (ships.Actuator(name, kind) for name, kind in kinds.items())
-        if any(channel.name in columns for channel in actuator.channels)
+    named = (ships.Actuator(name, kind) for name, kind in kinds.items())
+    used = (actuator for actuator in named if any(channel.name in columns for channel in actuator.channels))
+    actuators = tuple(  # as in most vessel files: first what drives the ship, then what steers it
+        sorted(used, key=lambda entry: (not entry.drives, not ships.KINDS[entry.kind].turns, entry.name))
     )
     if set(actuators) == set(ships.DEFAULT):
         actuators = ships.DEFAULT

@@ -23,6 +23,10 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.tables.table import table_of
 from seatrial.hybrid.report.folder import Choices, write_reports
+from seatrial.notebooks.wang2021.campaign import CampaignJob, seas_of
+from seatrial.notebooks.wang2021.figures import write_figures
+from seatrial.notebooks.wang2021.page import write_table3
+from seatrial.notebooks.wang2021.table3 import papers_jobs, table3
 from tests.browser import running_browser
 
 try:
@@ -201,14 +205,21 @@ def test_a_diagnosis_has_one_page(simulated: Callable[..., Path], tmp_path: Path
         assert effect["sentence"] in text
 
 
-def test_the_papers_results(tmp_path: Path) -> None:
-    """Table III of one small campaign, its figures, the published numbers beside, on one page."""
-    run = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "-o", str(tmp_path), "--seeds", "1", "--json"])
-    rows = json.loads(run.stdout)["rows"]
+@pytest.mark.parametrize(
+    "jobs", [(CampaignJob("gentle", 0, sequences=12),), pytest.param(papers_jobs(0, 1), marks=pytest.mark.slow)]
+)
+def test_the_papers_results(jobs: list[CampaignJob], tmp_path: Path) -> None:
+    """Table III, its figures and the published numbers beside, on one page: of a small campaign, by night whole ones."""
+    seas = seas_of(jobs)
+    table = table3(seas)
+    write_figures(seas, tmp_path)
+    write_table3(table, tmp_path)
     (page,) = write_reports(tmp_path, Choices())
     text = text_of(page)
     assert "published hybrid" in text.replace("\u00a0", " ").replace("\u2011", "-")
-    hybrid = next(row for row in rows if row["method"] == "hybrid" and row["split"] == "sequence")
+    hybrid = next(
+        row for row in table.as_dict()["rows"] if row["method"] == "hybrid" and row["split"] == "sequence"
+    )
     assert f"{hybrid['mae_x_m']:.2f}" in text
     assert page.read_text().count("<figure>") >= 6
     run_as_script("paper_reproduction", folder=str(tmp_path))
