@@ -583,6 +583,13 @@ class BatchRemainder:
     bytes: int
     estimate_s: float | None
 
+    @classmethod
+    def after(cls, rows: Sequence[Row], selected: Ints, sizes: Sequence[int], elapsed_s: float) -> BatchRemainder:
+        """What the sample in ``rows`` left, and its time by the bytes that were processed anew in ``elapsed_s``."""
+        processed = sum(sizes[number] for row, number in zip(rows, selected, strict=True) if not row.get("reused"))
+        size = sum(sizes) - sum(sizes[number] for number in selected)
+        return cls(len(sizes) - len(rows), size, elapsed_s * size / processed if processed else None)
+
     def __str__(self) -> str:
         text = f"{self.recordings:,} recordings, {self.bytes / 1e6:,.1f} MB, remain"
         if self.estimate_s is None:
@@ -712,7 +719,7 @@ def _run_batch(
     with lock_batch_folder(out):
         start_s = time.monotonic()
         rows = run_jobs([jobs[number] for number in selected], task or process_job, workers, scheduler, progress)
-        remainder = _remainder(rows, selected, sizes, time.monotonic() - start_s) if sample else None
+        remainder = BatchRemainder.after(rows, selected, sizes, time.monotonic() - start_s) if sample else None
         for row, paths in zip(rows, (recordings[number] for number in selected), strict=True):
             row["path"] = errors.printable_path(paths[0].relative_to(folder))
         if store:
@@ -743,13 +750,6 @@ def _recording_sizes(folder: Path, recordings: Sequence[Sequence[Path]]) -> list
         with suppress(OSError):
             sizes[path] = path.stat().st_size
     return [sum(sizes.get(path, 0) for path in paths) for paths in recordings]
-
-
-def _remainder(rows: Sequence[Row], selected: Ints, sizes: Sequence[int], elapsed_s: float) -> BatchRemainder:
-    """What the sample in ``rows`` left, and its time by the bytes that were processed anew in ``elapsed_s``."""
-    processed = sum(sizes[number] for row, number in zip(rows, selected, strict=True) if not row.get("reused"))
-    size = sum(sizes) - sum(sizes[number] for number in selected)
-    return BatchRemainder(len(sizes) - len(rows), size, elapsed_s * size / processed if processed else None)
 
 
 def process_job(job: BatchJob) -> Row:

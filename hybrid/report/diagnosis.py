@@ -27,7 +27,7 @@ from seatrial.analysis.report import pages, tables
 from seatrial.hybrid.diagnosis import acceptance, linearise, regression, result, verdict, witnesses
 from seatrial.hybrid.diagnosis.log import Log
 from seatrial.hybrid.diagnosis.map import FoundRegime, notable_places
-from seatrial.hybrid.effects import VERSION, Effect, context, environment, parameter_of
+from seatrial.hybrid.effects import VERSION, Catalogue, Effect, context, environment, parameter_of
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.text import (
     UNITS,
@@ -35,6 +35,7 @@ from seatrial.hybrid.report.text import (
     force_unit,
     index_table_of_diagnosis,
     plain,
+    plain_number,
     quantity_title,
     templates,
 )
@@ -240,7 +241,7 @@ def unknown_cause(
             parts.append(f"forces of speeds and thrusters that are wrong by some {share}")
         elif lack.what in regression.AXES:
             kind = "moment" if lack.what == "yaw" else "force"
-            parts.append(f"a {lack.what} {kind} of some {lack.size:.2g} {_UNIT[lack.what]} {varies}")
+            parts.append(f"a {lack.what} {kind} of some {plain_number(lack.size, 2)} {_UNIT[lack.what]} {varies}")
         else:
             is_unlike = lack.depends in regression.INTERACTIONS
             explanation = ": more likely a similar effect that is not in the catalogue" if is_unlike else ""
@@ -317,17 +318,19 @@ def integration_remarks(moves_s: float, turns_s: float) -> list[str]:
     ]
 
 
+def _no_wind(catalogue: Catalogue) -> str:
+    """The remark on a trial in which the wind is nil: it was not recorded, or a calm was."""
+    if environment.STEADY_WIND.name in catalogue:
+        return "no wind was recorded: only a steady wind was considered"
+    return "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
+
+
 def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffect]) -> tuple[str, ...]:
     equations = conclusion.first.evidence.equations
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
     remarks = []
     if not log.wind[:, 1].any():
-        was_recorded = environment.STEADY_WIND.name not in equations.model.catalogue
-        remarks.append(
-            "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
-            if was_recorded
-            else "no wind was recorded: only a steady wind was considered"
-        )
+        remarks.append(_no_wind(equations.model.catalogue))
     if log.input_hold != "line":
         setting = (
             f"thruster settings are taken as held {log.input_hold}: this fits the motion better than interpolation"
@@ -439,8 +442,7 @@ def number(value: float) -> str:
     """
     if value == inf:
         return "no end"
-    size = abs(value)
-    text = f"{value:,.0f}" if size >= 100.0 else f"{value:.3g}"
+    text = plain_number(value)
     return text.replace("-", "\u2212") if "e" not in text else text
 
 

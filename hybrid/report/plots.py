@@ -32,7 +32,14 @@ from seatrial.hybrid.identification.identify import Identification
 from seatrial.hybrid.prediction.baselines import Interval, distances, region_outlines
 from seatrial.hybrid.report.diagnosis import parameter_title, title_of
 from seatrial.hybrid.report.prediction_errors import QUANTITIES, ErrorComponents, error_components
-from seatrial.hybrid.report.text import context_sentence, force_unit, plain, predicted_index_view, quantity_title
+from seatrial.hybrid.report.text import (
+    context_sentence,
+    force_unit,
+    plain,
+    plain_number,
+    predicted_index_view,
+    quantity_title,
+)
 
 if TYPE_CHECKING:
     from seatrial.hybrid.calibrators import TrainedCalibrator
@@ -266,7 +273,8 @@ def identification_view(identification: Identification) -> Group:
     table = terminal_table(title, ("coefficient", "value", "95 % from", "to", "start", ""), (), **look)
     for coefficient in coefficients:
         cells = [
-            f"{number:.3g}" for number in (coefficient.value, coefficient.low, coefficient.high, coefficient.start)
+            plain_number(number)
+            for number in (coefficient.value, coefficient.low, coefficient.high, coefficient.start)
         ]
         remark, style = ("", "") if coefficient.known else ("unknown", "dim")
         table.add_row("\n".join((coefficient.name, *coefficient.tied)), *cells, remark, style=style)
@@ -291,7 +299,10 @@ def identification_view(identification: Identification) -> Group:
         parts.append(Text(f"Length of the segments by the mean error of long held-out tracks: {errors_m}."))
     for gear in identification.gear:
         sizes = {"rate [deg/s]": gear.rate_dps, "lag [s]": gear.lag_s, "dead band [deg]": gear.dead_band_deg}
-        words = (f"{name} {size.value:.3g} ({size.low:.3g} to {size.high:.3g})" for name, size in sizes.items())
+        words = (
+            f"{name} {plain_number(size.value)} ({plain_number(size.low)} to {plain_number(size.high)})"
+            for name, size in sizes.items()
+        )
         residual = f"residual {gear.error_deg:.2g} deg"
         parts.append(Text(f"{gear.channel} follows its order: {', '.join(words)}; {residual}."))
     parts += predicted_index_view(identification.indices)

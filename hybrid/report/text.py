@@ -88,6 +88,17 @@ def index_table_of_diagnosis(diagnosis: Diagnosis) -> IndexTable:
     return IndexTable.from_json(diagnosis.indices)
 
 
+def plain_number(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, without an exponent where it is large.
+
+    >>> plain_number(0.012345), plain_number(12345.6), plain_number(1843.0, 2)
+    ('0.0123', '12,346', '1,800')
+    """
+    if digits < 3:
+        value = float(f"{value:.{digits}g}")
+    return f"{value:,.0f}" if abs(value) >= 100.0 else f"{value:.{digits}g}"
+
+
 @dataclass(frozen=True, slots=True)
 class PredictedIndexLines:
     """The table of predicted indices as text: its columns, its lines by test, and what the columns are."""
@@ -100,7 +111,7 @@ class PredictedIndexLines:
 def predicted_index_lines(table: IndexTable) -> PredictedIndexLines:
     """The table of predicted indices as text, without the columns in which nothing stands."""
     values = [
-        (row.measured and row.measured.value, None if row.before == row.after else row.before, row.after,
+        (None if row.measured is None else row.measured.value, None if row.before == row.after else row.before, row.after,
          _bound(row, "low"), _bound(row, "high"), row.replayed, row.held_out)
         for row in table.rows
     ]  # fmt: skip
@@ -110,7 +121,7 @@ def predicted_index_lines(table: IndexTable) -> PredictedIndexLines:
         time = "" if row.start is None else f"{row.start:%H:%M:%S} "
         title = f"{time}{row.test}{' to ' * bool(row.side)}{row.side}"
         name = f"{plain_name(row.name)} [{unit_in_name(row.name)}]{' (worse)' * row.is_worse}"
-        numbers = ["" if (value := cells[number]) is None else f"{value:.3g}" for number in shown]
+        numbers = ["" if (value := cells[number]) is None else plain_number(value) for number in shown]
         tests.setdefault(title, []).append([name, *numbers])
     columns = [list(_PREDICTED_INDEX_COLUMNS)[number] for number in shown]
     legend = "; ".join(f"{name.removesuffix(' from')}: {what}" for name in columns

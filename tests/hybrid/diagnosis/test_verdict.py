@@ -43,7 +43,7 @@ def test_what_remains_is_said_with_its_size_and_what_it_hangs_on() -> None:
     assert unknown is not None
     assert unknown.where == ("place", "time")
     assert "ocean current that varies with the place" in unknown.looks_like
-    assert "surge force of some 1.8e+03 N that varies with time" in unknown.looks_like
+    assert "surge force of some 1,800 N that varies with time" in unknown.looks_like
 
 
 def test_of_several_signs_of_another_form_the_strongest_is_told() -> None:

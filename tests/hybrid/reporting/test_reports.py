@@ -209,7 +209,7 @@ def test_a_diagnosis_has_one_page(simulated: Callable[..., Path], tmp_path: Path
     "jobs", [(CampaignJob("gentle", 0, sequences=12),), pytest.param(papers_jobs(0, 1), marks=pytest.mark.slow)]
 )
 def test_the_papers_results(jobs: list[CampaignJob], tmp_path: Path) -> None:
-    """Table III, its figures and the published numbers beside, on one page: of a small campaign, by night whole ones."""
+    """Table III, its figures and the published numbers beside: of a small campaign, by night of whole ones."""
     seas = seas_of(jobs)
     table = table3(seas)
     write_figures(seas, tmp_path)
