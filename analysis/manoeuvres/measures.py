@@ -630,6 +630,9 @@ def execution_notes(motion: motions.Motion, executes: Sequence[Execute]) -> tupl
         notes.append(f"{CONTRADICTION}: each is taken from the helm's movement")
     elif motion.helm_order_deg is None:
         notes.append("orders were not recorded: each is taken from the beginning of the helm's movement")
-    if not motion.is_midship and motion.length_m:
-        notes.append("the antenna's position on the ship is not known: the intervals cover any")
+    if not motion.is_midship:
+        covered = (
+            "the intervals cover any" if motion.length_m else "without the ship's length the intervals leave it out"
+        )
+        notes.append(f"the antenna's position on the ship is not known: {covered}")
     return tuple(notes), (CONTRADICTION,) if contradicts else ()

@@ -111,8 +111,8 @@ class PredictedIndexLines:
 def predicted_index_lines(table: IndexTable) -> PredictedIndexLines:
     """The table of predicted indices as text, without the columns in which nothing stands."""
     values = [
-        (None if row.measured is None else row.measured.value, None if row.before == row.after else row.before, row.after,
-         _bound(row, "low"), _bound(row, "high"), row.replayed, row.held_out)
+        (None if row.measured is None else row.measured.value, None if row.before == row.after else row.before,
+         row.after, _bound(row, "low"), _bound(row, "high"), row.replayed, row.held_out)
         for row in table.rows
     ]  # fmt: skip
     shown = [number for number in range(len(_PREDICTED_INDEX_COLUMNS)) if any(row[number] for row in values)]

@@ -78,6 +78,7 @@ def test_indices_are_those_of_midship_wherever_the_antenna_stands(place_m: tuple
     assert unknown.indices["advance_m"].value != pytest.approx(truth.indices["advance_m"], abs=30.0)
     assert any("antenna's position" in note for note in unknown.notes)
     assert not any("antenna's position" in note for note in known.notes)
+    assert any("the intervals leave it out" in note for note in circle_of(table, None).notes)
 
 
 @given(st.builds(
