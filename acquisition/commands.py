@@ -364,9 +364,9 @@ def _print_record_summary(trial: TrialConfig, health: Health, paths: list[Path])
     watched = [name for name in health.names if name in trial.expected_channels]
     listed = [*watched, *sorted(trial.expected_channels - {*watched})]
     if silent := [name for name in listed if name not in health.channels or not health.channels[name].count]:
-        from seatrial.acquisition.logger.survey import channels_by_reason, missing_reasons
+        from seatrial.acquisition.logger.survey import missing_reasons, reason_by_channels
 
-        for names, reason in channels_by_reason(missing_reasons(trial, paths, silent)).items():
+        for names, reason in reason_by_channels(missing_reasons(trial, paths, silent)).items():
             process.print_line(f"warning: nothing came of {names}{': ' if reason else ''}{reason}", err=True)
 
 
@@ -836,12 +836,12 @@ def _print_contents(contents: Contents | TopicLog, as_json: bool, options: Mappi
 
 def _missing_lines(contents: Contents) -> list[str]:
     """What is missing in a recording and why; of one that was read by its index, what that leaves open."""
-    from seatrial.acquisition.logger.survey import channels_by_reason, missing_reasons_by_raw_input
+    from seatrial.acquisition.logger.survey import missing_reasons_by_raw_input, reason_by_channels
 
     index = contents.get("index")
     if index is None:
         missing = missing_reasons_by_raw_input(contents.recording.path, contents.recording.series)
-        return [f"missing: {names}: {reason}" for names, reason in channels_by_reason(missing).items()]
+        return [f"missing: {names}: {reason}" for names, reason in reason_by_channels(missing).items()]
     unread = f", nor {index['unread_events']:,} of its events" if index["unread_events"] else ""
     return [
         f"read by its index, {index['read_bytes'] / 1e6:.1f} of {index['size_bytes'] / 1e6:,.1f} MB: gaps, further "

@@ -691,7 +691,7 @@ def angle_mask(values: Floats) -> Bools:
     return measured
 
 
-def is_in_other_angle_convention(channel: Channel, values: Floats) -> bool:
+def is_off_by_whole_turns(channel: Channel, values: Floats) -> bool:
     """Whether an angle's impossible values are those of the other convention, 0..360 for -180..180 or back, or are
     unwrapped angles.
 

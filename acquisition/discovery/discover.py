@@ -255,7 +255,7 @@ def discovery_tables(discovery: Discovery) -> Iterator[RenderableType]:
         (("values of", "message or topic", "signal or field", "value", "channel"), values),
         (("channel", "value", "unit", "rate Hz", "sources"), channels),
         (("event",), [(event,) for event in content["events"][:_MOST_EVENTS]]),
-        (("missing", "why"), list(surveys.channels_by_reason(discovery.missing).items())),
+        (("missing", "why"), list(surveys.reason_by_channels(discovery.missing).items())),
     ):
         if rows:
             words = [number for number, title in enumerate(titles) if title not in ("frames", "rate Hz", "value")]
@@ -359,7 +359,7 @@ def configuration_as_toml(
         text += "\n" + _comment_lines("Missing:")
         text += "".join(
             _comment_lines(f"{names}: {reason}", "#   ")
-            for names, reason in surveys.channels_by_reason(missing).items()
+            for names, reason in surveys.reason_by_channels(missing).items()
         )
     received = {  # by their declaration
         declaration.channel.name

@@ -470,7 +470,7 @@ class Derivation:
 
     def _derive_samples(self, group: trials.Group, stated: frozenset[str]) -> list[trials.Sample]:
         """The group's samples, corrected for their mounting, and what follows from what they have ``stated``."""
-        mounting = self._mountings.get(_source_line(group[0]), _UNCORRECTED)
+        mounting = self._mountings.get(_name_of_source(group[0]), _UNCORRECTED)
         corrected = group if mounting is _UNCORRECTED else self._correct_mounting_angles(group, mounting)
         quantities = {sample.quantity: sample for sample in corrected}
         if not stated.isdisjoint(_COMPASS):
@@ -496,8 +496,8 @@ class Derivation:
 
         Another compass of the line serves when that has been silent: what is derived must go by one of them.
         """
-        line, channel = _source_line(heading), self._ship.get("heading_deg")
-        is_channels = channel is not None and _source_line(channel) == line
+        line, channel = _name_of_source(heading), self._ship.get("heading_deg")
+        is_channels = channel is not None and _name_of_source(channel) == line
         serving = channel if is_channels else self._headings.get(line)
         is_other = serving is not None and serving.source != heading.source
         if serving is None or not is_other or heading.monotonic_ns - serving.monotonic_ns > SILENT_NS:
@@ -516,7 +516,7 @@ class Derivation:
 
     def _heading_deg(self, sample: trials.Sample) -> float | None:
         """The true heading when ``sample`` came: the line's own or else the ship's, carried on by the yaw rate."""
-        for heading in (self._headings.get(_source_line(sample)), self._ship.get("heading_deg")):
+        for heading in (self._headings.get(_name_of_source(sample)), self._ship.get("heading_deg")):
             if heading is None:
                 continue
             age_ns = sample.monotonic_ns - heading.monotonic_ns
@@ -584,7 +584,7 @@ class Derivation:
             # no origin are fixes by a simulator or dead reckoning, and 0, 0, which receivers send before a fix
             is_valid = latitude.quality in (trials.Quality.GOOD, trials.Quality.NOT_EVALUATED)
             is_valid = is_valid and (latitude.value, longitude.value) != (0.0, 0.0)
-            if _source_line(latitude) not in self._positions_from or not is_valid:
+            if _name_of_source(latitude) not in self._positions_from or not is_valid:
                 return
             self._plane = quantities.TangentPlane(latitude.value, longitude.value)
         north, east = self._plane.north_east_m(latitude.value, longitude.value)
@@ -657,5 +657,5 @@ def _derived_sample(sample: trials.Sample, quantity: str, value: float) -> trial
     return trials.Sample(quantity, value, source, *sample[3:])  # as _replace() would, in half the time
 
 
-def _source_line(sample: trials.Sample) -> str:
+def _name_of_source(sample: trials.Sample) -> str:
     return sample.source.partition("/")[0]

@@ -432,10 +432,10 @@ def record(
     with nullcontext() if sys.stderr.isatty() and not from_files else monitoring.log_to(sys.stderr, log_format):
         if from_files:
             return _record_files(config, folder, duration_s, stop)
-        return _record_live(config, folder, duration_s, stop, live)
+        return _record_from_sources(config, folder, duration_s, stop, live)
 
 
-def _record_live(
+def _record_from_sources(
     config: TrialConfig, folder: Path, duration_s: float | None, stop: threading.Event, live: bool
 ) -> tuple[list[Path], monitoring.Health]:
     if config.copies is not None:

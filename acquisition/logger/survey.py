@@ -393,10 +393,10 @@ def missing_reasons(config: TrialConfig, paths: Iterable[Path], names: Iterable[
     return {name: why_channel_is_missing(name, survey) for name in names}
 
 
-def channels_by_reason(missing: Mapping[str, str]) -> dict[str, str]:
+def reason_by_channels(missing: Mapping[str, str]) -> dict[str, str]:
     """The reasons once each, by the channels that they hold for, as one text.
 
-    >>> channels_by_reason({"surge_mps": "no heading", "sway_mps": "no heading"})
+    >>> reason_by_channels({"surge_mps": "no heading", "sway_mps": "no heading"})
     {'surge_mps, sway_mps': 'no heading'}
     """
     names: dict[str, list[str]] = {}

@@ -393,7 +393,7 @@ def _read_standard(
     table = pd.DataFrame({name: parse_numbers(timed.raw, name) for name in names}, index=timed.index)
     for name in names:
         values = table[name].to_numpy()
-        if ships.is_in_other_angle_convention(channels[name], values):  # all else stays, to be flagged
+        if ships.is_off_by_whole_turns(channels[name], values):  # all else stays, to be flagged
             table[name] = ships.wrap_to_range(channels[name], values)
     file = TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown, remarks=timed.remarks)
     _correct_conventions_by_track(file, timed.raw, time, column_answers)

@@ -528,7 +528,7 @@ def stamps_of_rows(
     if day is not None:
         text = f"{day} " + clock_times_as_text(cells)
     elif date is not None:
-        text = dates_as_text(raw.columns[date]) + " " + clock_times_as_text(cells)
+        text = dates_with_separators(raw.columns[date]) + " " + clock_times_as_text(cells)
     elif pd.api.types.is_numeric_dtype(cells.dtype):
         text = zero_padded(cells, 14)  # the digits of a date and time
     else:
@@ -547,7 +547,7 @@ def stamp_of_cell(text: str) -> times.Stamp | None:
     return stamp if stamp is not None and not re.search(r"\d", text.replace(stamp.text, "", 1)) else None
 
 
-def dates_as_text(column: pd.Series[Any]) -> pd.Series[Any]:
+def dates_with_separators(column: pd.Series[Any]) -> pd.Series[Any]:
     """Dates as text; numbers, which lost their leading zeros, as the parts of six or eight digits."""
     if not pd.api.types.is_numeric_dtype(column.dtype):
         return filled_cells_as_text(column).str.replace(MIDNIGHT, "", regex=True)

@@ -313,7 +313,7 @@ def find_channel_faults(
     listed = {"gap": find_gaps(samples, *(bounds_ns or (None, None))), "time_backwards": steps_back}
     for code, size in whole_record.items():
         listed[code] = [series.Stretch(int(times.min()), int(times.max()), size)] if size else []
-    return ChannelFaults(channel, samples, masks, listed, ship.is_in_other_angle_convention(channel, samples.value))
+    return ChannelFaults(channel, samples, masks, listed, ship.is_off_by_whole_turns(channel, samples.value))
 
 
 def grade_of(flagged: dict[int, int], missing: int, has_finding: bool) -> Grade:

@@ -498,7 +498,7 @@ def _stamps(table: pd.DataFrame, columns: Mapping[str, list[_Column]], quantity:
     text = time_columns.clock_times_as_text(table[name]).astype(str).str.strip()
     is_clock = bool(text.str.fullmatch(r"\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?").all())
     if is_clock:
-        days = time_columns.dates_as_text(table[columns["date"][0].name]) if "date" in columns else _NO_DATE
+        days = time_columns.dates_with_separators(table[columns["date"][0].name]) if "date" in columns else _NO_DATE
         text = days + " " + text.str.zfill(5)
     text = text.str.replace(r"^(\d{1,2})\.(\d{1,2})\.(\d{4})", r"\3-\2-\1", regex=True)
     try:

@@ -127,7 +127,7 @@ class BagMessages:
         covariance[[0, 4]] = 0.0 if tilt_deg else log_frames.UNUSED_VARIANCE
         return self._imu(time_ns, orientation, covariance, self._zero, _not_measured())
 
-    def rate(self, time_ns: int, yaw_rate_dps: float) -> Any:
+    def yaw_rate(self, time_ns: int, yaw_rate_dps: float) -> Any:
         """The yaw rate alone."""
         orientation = self._types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=0.0)
         covariance = np.zeros(9)
@@ -178,7 +178,7 @@ def _topics_of_table(table: pd.DataFrame, messages: BagMessages) -> Iterator[tup
         used |= set(tilt)
         yield "/imu", _IMU, heading.time_ns, made(messages.attitude, heading, "heading_deg", *tilt)
     rate = _samples_of(table, "yaw_rate_dps")
-    yield "/imu/rate", _IMU, rate.time_ns, made(messages.rate, rate, *rate.columns)
+    yield "/imu/rate", _IMU, rate.time_ns, made(messages.yaw_rate, rate, *rate.columns)
     velocity = _samples_of(table, "surge_mps", "sway_mps")
     missing = np.full(velocity.time_ns.size, np.nan)
     parts = {name: velocity.columns.get(name, missing) for name in ("surge_mps", "sway_mps")}

@@ -424,15 +424,15 @@ class CauseSearch:
         prior = sum(
             float(np.square(np.divide(free, catalogue[name].free_scale)).sum()) for name, free in at.items()
         )
-        return float(np.nansum(loss)) + prior + self._misfit_of_meters(at)
+        return float(np.nansum(loss)) + prior + self._chi_squared_of_witnesses(at)
 
-    def _misfit_of_meters(self, at: Coordinates) -> float:
+    def _chi_squared_of_witnesses(self, at: Coordinates) -> float:
         """The squares by which meters differ from the model, in units of their variance."""
         return sum(float(meter.inner_products([meter.standardised_error(at)])[0, 0]) for meter in self.witnesses)
 
     def _contradicts_meters(self, at: Coordinates, than: Coordinates) -> bool:
         """Whether a meter speaks against some sizes by three standard deviations more than against others."""
-        return self._misfit_of_meters(at) > self._misfit_of_meters(than) + _CONTRADICTION
+        return self._chi_squared_of_witnesses(at) > self._chi_squared_of_witnesses(than) + _CONTRADICTION
 
     def by_unit(self, off_m: Floats) -> Floats:
         """The mean over the windows of each unit that has any."""

@@ -19,6 +19,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import lru_cache
+from itertools import chain
 from math import atan2, cos, degrees, hypot, inf, nan, sin
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ from seatrial.acquisition.core import named_code, quantities, ship
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.analysis.compiling import compiled
 from seatrial.hybrid.effects import body, environment, hull
-from seatrial.hybrid.vessel.actuators import KINDS, control_units
+from seatrial.hybrid.vessel.actuators import control_units, effects_by_kind
 from seatrial.hybrid.vessel.black_box import BlackBox
 from seatrial.hybrid.vessel.dynamics import Environment
 from seatrial.hybrid.vessel.effect import (
@@ -54,12 +55,12 @@ VERSION = "6"
 
 @lru_cache(maxsize=32)
 def _catalogue_for(actuators: ship.Actuators, scale: float, of_simulator: bool = False) -> dict[str, Effect]:
-    names = {kind: tuple(actuator.name for actuator in actuators if actuator.kind == kind) for kind in KINDS}
-    effects = [effect for kind, of_kind in names.items() if of_kind for effect in KINDS[kind].effects(of_kind)]
+    effects = chain.from_iterable(effects_by_kind(actuators).values())
     actuator_effects = sorted(effects, key=lambda effect: FAMILIES.index(effect.family))
     unsized = (*hull.EFFECTS, *actuator_effects, *hull.ASYMMETRY, *environment.EFFECTS, *environment.SENSOR_EFFECTS)
     if of_simulator:
-        gains = (effect for kind, of_kind in names.items() if of_kind for effect in body.gains(kind, of_kind))
+        names = {actuator.kind: ship.names_of_kind(actuators, actuator.kind) for actuator in actuators}
+        gains = chain.from_iterable(body.gains(kind, of_kind) for kind, of_kind in names.items())
         unsized = (*unsized, *body.BODY, *gains)
 
     def scaled(parameter: Parameter) -> Parameter:

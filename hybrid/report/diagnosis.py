@@ -22,7 +22,7 @@ from rich.text import Text
 
 from seatrial.acquisition.core.errors import join_words
 from seatrial.acquisition.core.result import to_json
-from seatrial.acquisition.core.ship import DEFAULT, Actuators, names_of_kind
+from seatrial.acquisition.core.ship import DEFAULT, KINDS, Actuators
 from seatrial.analysis.report import pages, tables
 from seatrial.hybrid.diagnosis import acceptance, linearise, regression, result, verdict, witnesses
 from seatrial.hybrid.diagnosis.log import Log
@@ -39,7 +39,7 @@ from seatrial.hybrid.report.text import (
     quantity_title,
     templates,
 )
-from seatrial.hybrid.vessel.actuators import KINDS
+from seatrial.hybrid.vessel.actuators import effects_by_kind
 from seatrial.hybrid.vessel.black_box import BlackBox
 
 _LATE_S = 0.02  # less than a third of 0.07 s, to which ten minutes of the tests' ship determine a delay
@@ -1158,14 +1158,12 @@ def _actuator_text(effect: str, actuators: Actuators) -> str:
     if actuator is not None:
         label, noun, kind = f"The {target.replace('_', ' ')}", actuator.noun, actuator.kind
     else:
-        candidates = actuators if first in ("both", "all") else ()
-        shared = [
-            (member, KINDS[member.kind].effects(names_of_kind(actuators, member.kind))) for member in candidates
-        ]
-        members = [member for member, effects in shared if any(effect == common.name for common in effects)]
-        if not members:
+        by_kind = effects_by_kind(actuators) if first in ("both", "all") else {}
+        kinds = [kind for kind, effects in by_kind.items() if any(effect == common.name for common in effects)]
+        if not kinds:
             return ""
-        label, noun, kind = first.capitalize(), group or f"{members[0].noun}s", members[0].kind
+        kind = kinds[0]
+        label, noun = first.capitalize(), group.replace("_", " ") or f"{KINDS[kind].noun}s"
 
     titles = {word: label if word in label else f"{label} {word}" for word in (noun, "azimuth", "nozzle")}
     inside = {word: title[0].lower() + title[1:] for word, title in titles.items()}

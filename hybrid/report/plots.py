@@ -675,7 +675,7 @@ def draw_residual_force(axes: Axes, force_map: result.Map, channel: str, quantit
     add_legend_above(axes, 2)
 
 
-def most_variable_force(force_map: result.Map) -> tuple[str, str] | None:
+def clearest_force_and_quantity(force_map: result.Map) -> tuple[str, str] | None:
     """The force and the quantity whose cells differ most, relative to their errors; None without cells."""
     scores = dict[tuple[str, str], float]()
     for pair in product(result.FORCES, force_map.quantities):

@@ -10,8 +10,9 @@ The effects of the actuators of one kind are one for each of them, and one for a
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from math import nan, pi
 from typing import TYPE_CHECKING, Any
@@ -128,11 +129,12 @@ def single_and_joint_effects(
         specific = (single_confused_with if len(group) == 1 else ()) + (
             joint_confused_with if group == names else ()
         )
+        text = what.format(names=" and ".join(actuator.replace("_", " ") for actuator in group))
         return Effect(
             name,
             family=family,
             kind="actuator",
-            what=what.format(names=" and ".join(actuator.replace("_", " ") for actuator in group)),
+            what=re.sub(r"\b(\w+) \1\b", r"\1", text),  # a name that says its kind
             source=source,
             parameters=(parameter,),
             change=changed,
@@ -251,6 +253,37 @@ PLAY_COLUMN = np.array([
 
 IS_ANGLE = np.array([[*kind.angles, *[False] * (_WIDEST - len(kind.angles))] for kind in KINDS.values()])
 """Which controls of each kind are angles, [kinds, most controls]."""
+
+
+_OF_SEVERAL = re.compile(r"(.+_(?:both|all))(?:_.+)?")
+
+
+def effects_by_kind(actuators: ship.Actuators) -> dict[str, tuple[Effect, ...]]:
+    """The effects of a ship's actuators by their kind.
+
+    An effect on several of a kind has the name of that kind at its end where another kind has one of its name.
+    """
+    result, names = dict[str, tuple[Effect, ...]](), set[str]()
+    for kind, model in KINDS.items():
+        of_kind = ship.names_of_kind(actuators, kind)
+        effects = model.effects(of_kind) if of_kind else ()
+        new_names = {
+            effect.name: f"{match[1]}_{kind}s"
+            for effect in effects
+            if effect.name in names and (match := _OF_SEVERAL.fullmatch(effect.name))
+        }
+        if new_names:
+            effects = tuple(
+                replace(
+                    effect,
+                    name=new_names.get(effect.name, effect.name),
+                    confused_with=tuple(new_names.get(rival, rival) for rival in effect.confused_with),
+                )
+                for effect in effects
+            )
+        result[kind] = effects
+        names |= {effect.name for effect in effects}
+    return result
 
 
 def control_units(actuators: ship.Actuators) -> quantities.Floats:

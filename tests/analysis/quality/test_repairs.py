@@ -14,7 +14,7 @@ from seatrial.acquisition.core.ship import (
     BY_NAME,
     NAMES,
     angle_difference,
-    is_in_other_angle_convention,
+    is_off_by_whole_turns,
     unwrap,
     wrap_360,
 )
@@ -312,7 +312,7 @@ def test_angles_of_the_other_convention_are_named_and_turned(
 @pytest.mark.parametrize("values", [[10.0, 20.0, -99.0, 30.0, -99.0], [200.0, -1.0, -2.0, -3.0], [5.0, 370.0]])
 def test_codes_for_no_value_are_no_convention(values: list[float]) -> None:
     """One value again and again, angles of both conventions, or more than either has."""
-    assert not is_in_other_angle_convention(BY_NAME["heading_deg"], np.array(values))
+    assert not is_off_by_whole_turns(BY_NAME["heading_deg"], np.array(values))
 
 
 def test_impossible_values_that_the_reader_left_out_are_counted_as_repaired(

@@ -406,7 +406,7 @@ def test_windows_with_gaps_are_left_out_of_the_figures() -> None:
 def test_the_map_finds_what_the_force_goes_with() -> None:
     """Of the made-up map, sway with heading; every cell is printed."""
     made = a_map()
-    assert plots.most_variable_force(made) == ("sway_force_n", "heading_deg")
+    assert plots.clearest_force_and_quantity(made) == ("sway_force_n", "heading_deg")
     figure = Figure(figsize=(9.5, plots.map_height_inch(made.places)))
     plots.draw_force_map(figure, made.places)
     printed = [each.get_text() for axes in figure.axes for each in axes.texts]

@@ -104,7 +104,7 @@ def test_a_meter_of_the_water_tells_the_current_from_the_resistance(
     assert search._contradicts_meters({other: sizes[other]}, {hidden: sizes[hidden]})
     (witness,) = search.witnesses
     assert (
-        search._misfit_of_meters({hidden: sizes[hidden]}) < witness.standardised_error({}).size
+        search._chi_squared_of_witnesses({hidden: sizes[hidden]}) < witness.standardised_error({}).size
     )  # no more than noise
     assert search.search().names == (hidden,)
 
