@@ -26,8 +26,8 @@ from seatrial.hybrid.simulation.manoeuvres import (
 )
 from seatrial.hybrid.simulation.trial import SimulationNoise, Voyage, sail_through, sea_state_named, simulate_trial
 from seatrial.hybrid.simulation.vessel_check import check_vessel
-from seatrial.hybrid.vessel.actuators.controllable_propeller import ControllablePropeller
-from seatrial.hybrid.vessel.actuators.waterjet import Waterjet
+from seatrial.hybrid.vessel.actuators.controllable_propeller import ControllablePropellerEntry
+from seatrial.hybrid.vessel.actuators.waterjet import WaterjetEntry
 from seatrial.hybrid.vessel.estimate.new_vessel import new_vessel
 from seatrial.hybrid.vessel.files import Vessel, load_vessel
 from tests.conftest import nightly
@@ -70,13 +70,13 @@ def with_pitch(folder) -> Vessel:  # type: ignore[no-untyped-def]
     ship = load_vessel("kvlcc2_7m")
     screw, rudder = ship.actuator
     own = {name: getattr(screw, name) for name in screw.__dataclass_fields__ if name != "kind"}  # type: ignore[attr-defined]
-    blades = ControllablePropeller(**own, kind="controllable_propeller", pitch_lag_s=0.5)
+    blades = ControllablePropellerEntry(**own, kind="controllable_propeller", pitch_lag_s=0.5)
     return replace(ship, name="with_pitch", actuator=(blades, rudder))
 
 
 def two_jets(folder) -> Vessel:  # type: ignore[no-untyped-def]
     """The Otter's hull with a waterjet to either side, whose nozzles steer."""
-    jet = Waterjet(
+    jet = WaterjetEntry(
         name="port_jet", kind="waterjet", x_m=-1.0, y_m=-0.395, thrust_nn=0.45, thrust_nu=0.5, limit_rpm=1000.0,
         limit_deg=30.0, rate_limit_dps=60.0, shaft_lag_s=0.2, nozzle_lag_s=0.1,
     )  # fmt: skip

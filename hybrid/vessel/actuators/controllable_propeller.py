@@ -16,7 +16,7 @@ from seatrial.hybrid.vessel.actuators import RPM_PER_RPS, Drive, propeller
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ControllablePropeller(propeller.Blades):
+class ControllablePropellerEntry(propeller.Blades):
     """A propeller of controllable pitch in a vessel file; the coefficients are those of its full pitch ahead."""
 
     kind: Literal["controllable_propeller"]
@@ -29,12 +29,12 @@ def fill_work(p: Record, row: Floats, control: Floats, first: int, work: Floats)
     work[propeller.SHAFT_RPS], work[propeller.PITCH] = propeller.shaft_speed(control[first]), control[first + 1]
 
 
-def drives(entry: ControllablePropeller) -> tuple[Drive, Drive]:
+def drives(entry: ControllablePropellerEntry) -> tuple[Drive, Drive]:
     """How the shaft [rev/s] and the pitch [1] follow their orders."""
     return (*propeller.drives(entry), Drive(entry.pitch_lag_s, limit=1.0))
 
 
 DEFINITION = replace(
-    propeller.DEFINITION, entry=ControllablePropeller, labels=("rps", "pitch"), units=(1.0 / RPM_PER_RPS, 0.01),
+    propeller.DEFINITION, entry=ControllablePropellerEntry, labels=("rps", "pitch"), units=(1.0 / RPM_PER_RPS, 0.01),
     angles=(False, False), drives=drives, fill_work=fill_work, still=(0.05, 0.02), alike=(0.3, 0.05),
 )  # fmt: skip

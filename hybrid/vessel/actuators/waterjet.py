@@ -19,7 +19,7 @@ from seatrial.hybrid.vessel import actuators, effect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Waterjet(actuators.ActuatorEntry):
+class WaterjetEntry(actuators.ActuatorEntry):
     """A waterjet in a vessel file: place, thrust over shaft speed [N s^2] and inflow [N s^2/m], and its drive."""
 
     kind: Literal["waterjet"]
@@ -57,7 +57,7 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     return X, Y, row[X_M] * Y - row[Y_M] * X
 
 
-def drives(entry: Waterjet) -> tuple[actuators.Drive, actuators.Drive]:
+def drives(entry: WaterjetEntry) -> tuple[actuators.Drive, actuators.Drive]:
     """How shaft [rev/s] and nozzle [rad] follow their orders."""
     return (
         actuators.Drive(entry.shaft_lag_s, limit=entry.limit_rpm / actuators.RPM_PER_RPS),
@@ -82,7 +82,7 @@ def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
 
 
 DEFINITION = actuators.ActuatorModel(
-    entry=Waterjet,
+    entry=WaterjetEntry,
     numbers=NUMBERS,
     labels=("rps", "angle"), units=(1.0 / actuators.RPM_PER_RPS, pi / 180.0), angles=(False, True), work=3,
     fill_work=fill_work, force=force, still=(0.05, 0.026), alike=(0.3, 0.0),
