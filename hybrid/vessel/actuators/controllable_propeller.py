@@ -35,6 +35,7 @@ def drives(entry: ControllablePropellerEntry) -> tuple[Drive, Drive]:
 
 
 DEFINITION = replace(
-    propeller.DEFINITION, entry=ControllablePropellerEntry, labels=("rps", "pitch"), units=(1.0 / RPM_PER_RPS, 0.01),
-    angles=(False, False), drives=drives, fill_work=fill_work, still=(0.05, 0.02), alike=(0.3, 0.05),
+    propeller.DEFINITION, entry=ControllablePropellerEntry, labels=("rps", "pitch"),
+    units=(1.0 / RPM_PER_RPS, 0.01), angles=(False, False), drives=drives, fill_work=fill_work, still=(0.05, 0.02),
+    alike=(0.3, 0.05),
 )  # fmt: skip
