@@ -228,7 +228,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
         if actuator.drives or actuator.angle is None:
             shaft, text = actuator.channels[0].name, actuator.name.replace("_", " ")
             name = shaft if _pitch_channel_name(actuator) is None else f"{actuator.name}_at_full_pitch_rpm"
-            (drives if actuator.drives else tunnels)[name] = _shaft_speed_rpm(grid, actuator)
+            (drives if actuator.drives else tunnels)[name] = shaft_speed_rpm(grid, actuator)
             words[name] = text if actuator.noun in text else f"{text} {actuator.noun}"
     kind, helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
     recorded_orders = [
@@ -434,7 +434,7 @@ def _pitch_channel_name(actuator: ship.Actuator) -> str | None:
     return next((channel.name for channel in actuator.channels if channel.unit == "%"), None)
 
 
-def _shaft_speed_rpm(grid: pd.DataFrame, actuator: ship.Actuator) -> Floats:
+def shaft_speed_rpm(grid: pd.DataFrame, actuator: ship.Actuator) -> Floats:
     """The shaft speed of an actuator [rpm], at full pitch; zero if not recorded."""
     name, pitch = actuator.channels[0].name, _pitch_channel_name(actuator)
     rpm = interpolate_gaps(grid[name].to_numpy()) if name in grid else np.zeros(len(grid))
@@ -463,7 +463,7 @@ def _helm_and_thrust(
     if not steering:
         if not (sides := drives_by_side(driving)):
             return "", zero, ahead
-        shafts = ([_shaft_speed_rpm(grid, drive) for drive in side] for side in sides)
+        shafts = ([shaft_speed_rpm(grid, drive) for drive in side] for side in sides)
         port, starboard = (np.sum([rpm * np.abs(rpm) for rpm in group], axis=0) for group in shafts)
         return BY_DIFFERENCE, np.rad2deg(np.arctan2(port - starboard, port + starboard)), ahead
     kind = steering[0].steers_by
@@ -516,5 +516,5 @@ def _ordered_surge_thrust(grid: pd.DataFrame, driving: ship.Actuators) -> Floats
 
 def _thrust_vector(grid: pd.DataFrame, actuator: ship.Actuator) -> Complexes:
     """n|n| of a propulsor in the direction of its thrust [rpm^2]."""
-    rpm = _shaft_speed_rpm(grid, actuator)
+    rpm = shaft_speed_rpm(grid, actuator)
     return np.asarray(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(_angle_deg(grid, actuator))))

@@ -38,6 +38,7 @@ _MOST_SINKAGE = 0.05  # of the displacement, Raven
 _TWO_DOUBLE_RUNS = 4  # runs: with fewer the mean of means leaves a part of a changing current
 _LEAST_LENGTH_M, _LEAST_SETTINGS, _LEAST_DOUBLE_RUNS = 100.0, 3, 4
 _MOST_DISPLACEMENT_SHARE = 0.02
+_ONE_SETTING = 1.3  # times the least power at one shaft speed: a strong wind makes a fifth, settings a third
 _WINDS_MPS = {True: 10.7, False: 13.8}  # the upper ends of Beaufort 5, for up to 100 m, and 6
 RAVEN = (
     "form_factor", "wetted_area_m2", "waterplane_area_m2", "displacement_m3", "draught_m", "length_m",
@@ -340,6 +341,13 @@ def _programme_warnings(runs: Sequence[PowerRun], groups: Groups, terms: int) ->
     course_changes = np.deg2rad([run.heading_deg - runs[0].heading_deg for run in runs])
     if (across := float(np.rad2deg(np.arcsin(np.abs(np.sin(course_changes)).max())))) > RECIPROCAL_DEG:
         yield f"courses differ by up to {across:.0f} deg: only the current along the first is removed"
+    for group in groups:
+        powers = [runs[place].power_kw for place in group]
+        if max(powers) > _ONE_SETTING * min(powers):
+            yield (
+                f"runs at one shaft speed took {min(powers):,.0f} to {max(powers):,.0f} kW and count as one power "
+                "setting: of a controllable propeller the pitch has to be recorded, too"
+            )
     pairs = max(run.double_run for run in runs)
     if len(groups) < _LEAST_SETTINGS or pairs < _LEAST_DOUBLE_RUNS:
         yield (

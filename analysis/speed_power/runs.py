@@ -26,7 +26,7 @@ from seatrial.acquisition.core.result import Number
 from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, RUDDER, circular_mean, drive_named, wrap_360
 from seatrial.acquisition.tables import column_names, table_files, time_columns
 from seatrial.analysis.manoeuvres import conducted, find, indices, measures, straight_runs
-from seatrial.analysis.manoeuvres.motion import Motion, motion_of
+from seatrial.analysis.manoeuvres.motion import Motion, motion_of, shaft_speed_rpm
 from seatrial.analysis.tables.table import NANO, table_actuators, times_ns
 
 _POWER = re.compile(r"(?:(?P<shaft>\w+)_)?shaft_(?P<what>power|torque)_(?P<unit>w|kw|mw|nm|knm)")
@@ -51,10 +51,11 @@ _SUMMED = ("power", "torque", "shaft_speed")
 class PowerRun:
     """One run: where it went, how fast over ground and with what power, both means with their standard errors.
 
-    ``speed_mps`` is the way made good along the heading, by the time. ``setting`` is the shaft speed [rpm], or
-    the cube root of the power [kW] where no shaft speed was recorded; ``double_run`` counts the pairs from 1. The
-    wind is the true one at the anemometer, NaN where it was not recorded; so are waves and depth, which a table of
-    run averages may have. ``approach_minutes`` is how long the ship went steadily before, NaN where not known.
+    ``speed_mps`` is the way made good along the heading, by the time. ``setting`` is the shaft speed [rpm], of a
+    controllable propeller at full pitch, or the cube root of the power [kW] where no shaft speed was recorded;
+    ``double_run`` counts the pairs from 1. The wind is the true one at the anemometer, NaN where it was not
+    recorded; so are waves and depth, which a table of run averages may have. ``approach_minutes`` is how long the
+    ship went steadily before, NaN where not known.
     """
 
     start: datetime
@@ -109,7 +110,8 @@ def power_kw(columns: Mapping[str, tuple[str, str]], values_of: Callable[[str], 
     """The power at all shafts [kW], of the values of columns of power, or of torque and the shaft's speed [rpm]."""
     powers = []
     for name, speed in columns.values():
-        turning = values_of(speed) * np.pi / 30.0 if speed else 1.0
+        # of either sign: some installations count a shaft that turns to the left as negative
+        turning = np.abs(values_of(speed)) * np.pi / 30.0 if speed else 1.0
         powers.append(values_of(name) * _TO_KILO[name.rpartition("_")[2]] * turning)
     return np.sum(powers, axis=0)
 
@@ -141,9 +143,12 @@ def power_runs(
         return np.asarray(np.interp(motion.time_s, seconds, samples.to_numpy(dtype=float)))
 
     power = power_kw(columns, on_grid)
-    names = [actuator.channels[0].name for actuator in table_actuators(table) if actuator.drives]
-    recorded = [name for name in names if name in table and table[name].notna().any()]
-    setting = np.mean([on_grid(name) for name in recorded], axis=0) if recorded else np.cbrt(power)
+    recorded = table.columns[table.notna().any()]
+    drives = [drive for drive in table_actuators(table) if drive.drives and drive.channels[0].name in recorded]
+    names = [channel.name for drive in drives for channel in drive.channels if channel.name in recorded]
+    controls = pd.DataFrame({name: on_grid(name) for name in names})
+    shafts = [np.abs(shaft_speed_rpm(controls, drive)) for drive in drives]
+    setting = np.mean(shafts, axis=0) if shafts else np.cbrt(power)
     motion = replace(motion, drives={"setting": setting}, thrust=np.sign(setting) * setting**2)
     smooth = measures.smooth_motion(motion, max(measures.WIDEST_S, 3 * motion.step_s))
     runs, left_out = list[PowerRun](), list[indices.LeftOut]()

@@ -162,6 +162,35 @@ def test_torque_of_the_only_shaft_goes_with_its_speed_whatever_it_is_called(tabl
     assert power_columns(one.assign(aft_shaft_torque_knm=1.0)) == {"aft": ("aft_shaft_torque_knm", "propeller_rpm")}
 
 
+def test_runs_of_a_controllable_propeller_are_at_one_setting_if_its_pitch_is_the_same(
+    table: pd.DataFrame, found: SpeedPower
+) -> None:
+    """At one shaft speed the power goes by the pitch alone, whose thrust is that of the shaft speed's square."""
+    pitched = table.assign(main_rpm=90.0, main_pitch_percent=100.0 * (table["main_rpm"] / 90.0) ** 2)
+    propeller = ship.Actuator("main", "controllable_propeller")
+    pitched.attrs["trial"] = {"actuators": ship.actuators_as_text((propeller,)), "vessel": ""}
+    result = speed_power([pitched], CONDITIONS)
+    speeds_mps = [setting.mean_of_means.speed_mps for setting in result.settings]
+    assert speeds_mps == pytest.approx([setting.mean_of_means.speed_mps for setting in found.settings], abs=0.01)
+
+    unknown = speed_power([table.assign(main_rpm=90.0)], CONDITIONS)
+    assert len(unknown.settings) == 1
+    assert any("count as one power setting" in warning for warning in unknown.warnings)
+    assert not any("count as one power setting" in warning for warning in found.warnings)
+
+
+def test_power_is_that_of_shafts_that_turn_to_either_side(table: pd.DataFrame, found: SpeedPower) -> None:
+    torque_knm = 0.5 * table["shaft_power_kw"] / (table["main_rpm"] * np.pi / 30.0)
+    twin = table.drop(columns=["shaft_power_kw", "main_rpm"]).assign(
+        port_rpm=table["main_rpm"], starboard_rpm=-table["main_rpm"],
+        port_shaft_torque_knm=torque_knm, starboard_shaft_torque_knm=torque_knm,
+    )  # fmt: skip
+    propellers = (ship.Actuator("port", "propeller"), ship.Actuator("starboard", "propeller"))
+    twin.attrs["trial"] = {"actuators": ship.actuators_as_text(propellers), "vessel": ""}
+    result = speed_power([twin], CONDITIONS)
+    assert result.curve.speed_mps(5000.0) == pytest.approx(float(found.curve.speed_mps(5000.0)), abs=0.01)
+
+
 def test_runs_that_the_crew_marked_are_the_runs(table: pd.DataFrame) -> None:
     begin = table.index[0].value
     marks = [(1500, "speed run 1 start"), (1860, "speed run 1 end"), (3800, "run 2 start"), (4160, "run 2 end")]
