@@ -167,7 +167,9 @@ NAMES = frozenset(criterion.name for criterion in CRITERIA)
 
 
 def criterion_of_index(run: Manoeuvre, index: str, largest_deg: float) -> Criterion | None:
-    """The criterion that an index of a run is judged by, None where there is none."""
+    """The criterion that an index of a run is judged by, None where there is none: all tests are sailed ahead."""
+    if run.is_astern:
+        return None
     plain = index.removesuffix("_current_removed")
     candidates = (criterion for criterion in CRITERIA if criterion.index == plain)
     return next((criterion for criterion in candidates if criterion.matches(run, largest_deg)), None)
@@ -322,7 +324,9 @@ def add_limits(
         helm_deg, notes = abs(run.helm_deg or 0.0), list(run.notes)
         is_test = is_turning_test(helm_deg, largest_deg)
         at_35 = abs(helm_deg / TURNING_HELM_DEG - 1.0) <= _SAME_HELM_SHARE
-        if conditions.length_m and run.kind == "turning_circle" and not (is_test and at_35):
+        if run.is_astern:
+            notes.append("the ship went astern: no limits are for that")
+        elif conditions.length_m and run.kind == "turning_circle" and not (is_test and at_35):
             shown = "limits are" if is_test else "no limits: advance and diameter have them"
             notes.append(
                 f"{shown} for {TURNING_HELM_DEG:.0f} deg or the largest helm, and this was {helm_deg:.0f} deg, the "

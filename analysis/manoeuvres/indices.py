@@ -120,6 +120,11 @@ class Manoeuvre:
         return next((self.settings[name] for name in HELMS if name in self.settings), None)
 
     @property
+    def is_astern(self) -> bool:
+        """Whether the ship went astern when it began."""
+        return "approach_surge_mps" in self.settings
+
+    @property
     def sign(self) -> float:
         """1 for one to starboard, else -1."""
         return 1.0 if self.side == side_of_sign(1.0) else -1.0

@@ -19,7 +19,7 @@ adds to it (correction for drift). All pairs of the steady part count.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -197,8 +197,8 @@ def make_zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     unsteady = () if "reach_s" in estimates else ("the approach was not steady",)
     if not unsteady and "speed_loss" not in estimates:
         unsteady = (GATHERING_WAY,)
-    by_thrust = " by thrust" * (motion.steering == BY_DIFFERENCE)
-    name = f"zigzag {nominal_angle_deg(angle):.0f}/{nominal_angle_deg(switch, SWITCH_SHARE):.0f}{by_thrust}"
+    how = _how_sailed(motion, settings)
+    name = f"zigzag {nominal_angle_deg(angle):.0f}/{nominal_angle_deg(switch, SWITCH_SHARE):.0f}{how}"
     notes, shortfalls = measures.execution_notes(motion, executes)
     return measures.make_manoeuvre(
         motion, "zigzag", name, orders[[0, -1]], side_of_sign(_sign_of_first_swing(part, orders)), settings,
@@ -348,12 +348,16 @@ def make_turning_circle(motion: Motion, plateau: Plateau, shortfall: str) -> Man
         settings |= measures.approach_settings(part, start)
     is_circle = abs(turned) >= LEAST_CIRCLE_DEG
     kind, word = ("turning_circle", "turning circle") if is_circle else ("course_change", "turn")
-    by_thrust = " by thrust" * (motion.steering == BY_DIFFERENCE)
+    name = f"{word} {nominal_angle_deg(plateau.level):.0f} deg{_how_sailed(motion, settings)}"
     return measures.make_manoeuvre(
-        motion, kind, f"{word} {nominal_angle_deg(plateau.level):.0f} deg{by_thrust}", times, side_of_sign(turned),
-        settings,
-        estimates, current=current, notes=notes, shortfalls=shortfalls,
+        motion, kind, name, times, side_of_sign(turned), settings, estimates, current=current, notes=notes,
+        shortfalls=shortfalls,
     )  # fmt: skip
+
+
+def _how_sailed(motion: Motion, settings: Mapping[str, float]) -> str:
+    """The end of a test's name: of a ship that is steered by its propellers, and of one that went astern."""
+    return " by thrust" * (motion.steering == BY_DIFFERENCE) + " astern" * ("approach_surge_mps" in settings)
 
 
 def steady_turn_indices(motion: Motion, times: Floats) -> dict[str, float]:
@@ -380,9 +384,10 @@ def circle_indices(motion: Motion, times: Floats) -> dict[str, float]:
 def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, float]:
     """Indices from the order at ``start`` [s]: first those of the turn, then those of its settled part."""
     approach = measures.approach_state(motion, start)
-    ahead, approach_mps = approach["approach_unwrapped_deg"], approach["approach_mps"]
+    approach_mps, astern = approach["approach_mps"], "approach_surge_mps" in approach
     side = 1.0 if motion.at("heading_deg", end) > motion.at("heading_deg", start) else -1.0
-    turned = side * (motion.heading_deg - ahead)
+    turned = side * (motion.heading_deg - approach["approach_unwrapped_deg"])
+    ahead = approach["approach_unwrapped_deg"] + 180.0 * astern  # the course of the approach
     times = {
         angle: measures.first_crossing_s(motion.time_s, turned, angle, start, end)
         for angle in (10.0, 90.0, 180.0, 360.0)
@@ -421,7 +426,7 @@ def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, 
         "steady_yaw_rate_dps": rate_dps,
         "steady_diameter_m": 2.0 * speed / np.deg2rad(rate_dps),
         "steady_speed_mps": speed,
-        "drift_angle_deg": float(side * np.rad2deg(np.arctan2(-sway, surge))),
+        "drift_angle_deg": float(side * np.rad2deg(np.arctan2(-sway, -surge if astern else surge))),
         "speed_loss": 1.0 - speed / approach_mps,
     }
 

@@ -27,7 +27,7 @@ from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_from_value, un
 from seatrial.analysis.series import LEAST_SAMPLES, local_quadratic
 
 APPROACH_S = 10.0
-
+_ASTERN_SHARE = 0.5  # of the speed: less is drift, or the noise of a ship at rest
 
 _LONGEST_CHANGE_S, _BEFORE_S = 15.0, 4.0
 _AHEAD = 1.15  # of the distance back to the start of a change; noise bends the line by less
@@ -229,17 +229,20 @@ def approach_state(motion: motions.Motion, execute: float) -> dict[str, float]:
     """The mean state in the last seconds before an execute.
 
     Speed, heading (also as it runs on without jumps), the turn of heading
-    and the change of speed in a second (how steady the approach was).
+    and the change of speed in a second (how steady the approach was); of a ship that goes astern also the speed
+    ahead, which is negative.
     """
     execute = float(np.clip(execute, motion.time_s[0], motion.time_s[-1]))
     before = motion.between(execute - APPROACH_S, execute)
     if before.time_s.size < 2:
         before = motion.between(execute - 1.5 * motion.step_s, execute + 1.5 * motion.step_s)
-    heading = float(before.heading_deg.mean())
+    heading, surge_mps = float(before.heading_deg.mean()), float(before.surge_mps.mean())
+    speed_mps = float(before.speed_mps.mean())
     span = before.time_s - before.time_s.mean()
     scale = float(np.sum(span**2)) or 1.0
     return {
-        "approach_mps": float(before.speed_mps.mean()),
+        "approach_mps": speed_mps,
+        **({"approach_surge_mps": surge_mps} if surge_mps < -_ASTERN_SHARE * speed_mps else {}),
         "approach_heading_deg": float(wrap_360(heading)),
         "approach_unwrapped_deg": heading,
         "approach_yaw_rate_dps": float(span @ before.heading_deg / scale),

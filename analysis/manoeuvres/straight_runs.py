@@ -34,6 +34,12 @@ _UNSURE_SHARE = 0.2  # of the time that half of a change of thrust takes: engine
 _BY_SHAFT = "the order was not recorded: it is taken from the beginning of the shaft's change"
 _SHAFT_CONTRADICTS = "the recorded orders do not precede the shaft"
 _LONGEST_ENGINE_LAG_S = 60.0  # from an order to the first change of the shaft
+_LONGEST_PAUSE_S = (
+    180.0  # until an engine that was stopped turns astern: large ones wait for the shaft to slow down
+)
+_UNSETTLED_SHARE = (
+    0.25  # of the loss of speed that is still to come, so that a pause in thrust is no speed of its own
+)
 _HAND_S = 2.0  # by which a mark set by hand is early or late
 _ENGINE_ORDER = re.compile(
     r"\bfull astern\b|\b(crash|emergency|inertia) stop\b(?!\W*(end|finish|complete))|\bstop(ped)? engines?\b"
@@ -260,6 +266,29 @@ def shaft_steps(motion: Motion, free: Bools, marks: Sequence[tuple[float, str]] 
     return steps
 
 
+def _join_reductions(smooth: Motion, steps: Iterable[ShaftStep]) -> list[ShaftStep]:
+    """The steps, with reductions of thrust that follow soon upon each other as one from the first order: an engine
+    stops, or is turned by the water, before it reverses."""
+    joined = list[ShaftStep]()
+    for step in steps:
+        first = joined[-1] if joined else step
+        between = step.last
+        is_reduction = first.held is between and step.held.level < between.level < first.last.level
+        if is_reduction and step.held.first * smooth.step_s - first.order_s <= _LONGEST_PAUSE_S:
+            before_mps, then_mps = (smooth.at("surge_mps", at.order_s) for at in (first, step))
+            settled_mps = before_mps * max(between.level, 0.0) / first.last.level  # the speed of the thrust between
+            if then_mps - settled_mps > _UNSETTLED_SHARE * (before_mps - settled_mps):
+                pause_s = (between.end - between.first) * smooth.step_s
+                paused = (
+                    f"the thrust was taken off in steps, with a pause of {pause_s:.0f} s: the way is from the first"
+                )
+                source = "; ".join(filter(None, (first.source, paused)))
+                joined[-1] = first._replace(held=step.held, source=source)
+                continue
+        joined.append(step)
+    return joined
+
+
 def find_accelerations(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuvre | LeftOut]:
     """Increases of thrust on a straight course, until the speed is steady; rejected if the ship turns."""
     largest = float(np.percentile(np.abs(equivalent_shaft_speed_rpm(motion)), 99))
@@ -297,7 +326,7 @@ def find_stops(
     """
     largest = float(np.percentile(np.abs(equivalent_shaft_speed_rpm(motion)), 99))
     candidates = list[Manoeuvre | LeftOut]()
-    for step in shaft_steps(motion, free, marks):
+    for step in _join_reductions(smooth, shaft_steps(motion, free, marks)):
         last, held, start = step[:3]
         before = smooth.at("surge_mps", start)
         is_stop = held.level < _IDLE_SHARE * largest < _UNDER_WAY_SHARE * largest < last.level
@@ -308,7 +337,9 @@ def find_stops(
         row = held.first + int(stopped[0]) if stopped.size else held.end - 1
         end, residual_mps = float(motion.time_s[row]), float(smooth.surge_mps[row])
         if residual_mps > _AT_REST_SHARE * before:
-            why = f"the ship still made {residual_mps:.2f} m/s when the thrust changed again"
+            ended = held.end >= motion.time_s.size or bool(motion.broken[held.end])
+            when = "the recording ended" if ended else "the thrust changed again"
+            why = f"the ship still made {residual_mps:.2f} m/s when {when}"
             candidates.append(LeftOut("stopping", motion.utc(start), motion.utc(end), why))
         else:
             candidates.append(_measure_speed_change(motion, "stopping", step, end))

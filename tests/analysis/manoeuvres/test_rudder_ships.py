@@ -76,6 +76,23 @@ def test_a_turning_circle_by_rudder_has_the_sizes_of_its_track(name: str, angle:
     assert found.indices["advance_m"].limit == 450.0
 
 
+@pytest.mark.parametrize(
+    ("orders", "kind"), [(turn(-35.0, 120.0), "turning_circle"), (zigzag(20.0, 20.0, 120.0), "zigzag")]
+)
+def test_going_astern_a_test_has_the_indices_of_its_course_and_no_limits(orders: Orders, kind: str) -> None:
+    """A ship that answers the helm astern as ahead makes the same way, to the other end."""
+    ship = Ship(sway_m=0.0)
+    astern = sail(ship, lambda *state: (orders(*state)[0], -orders(*state)[1]), 450.0)
+    (ahead,), (found,) = (found_in(table, kind, 100.0) for table in (sail(ship, orders, 450.0), astern))
+    assert (found.name, found.side) == (f"{ahead.name} astern", ahead.side)
+    for name, index in ahead.indices.items():
+        other = found.indices[name]
+        within = (index.high - index.low) + (other.high - other.low) + 0.01 * abs(index.value)
+        assert other.value == pytest.approx(index.value, abs=within), name
+    assert any(index.limit for index in ahead.indices.values())
+    assert not any(index.limit for index in found.indices.values())
+
+
 def test_pitch_taken_off_a_shaft_that_runs_on_is_a_stop() -> None:
     """A controllable propeller turns all the time; what drives the ship is her pitch."""
     ship = replace(Ship(), actuators=(Actuator("main", "controllable_propeller"), Actuator("rudder", "rudder")))

@@ -10,12 +10,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.criteria import FULL_ASTERN
+from seatrial.analysis.manoeuvres.find import find_manoeuvres, find_manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.straight_runs import engine_orders
 from seatrial.analysis.tables.table import NANO
+from tests.analysis.rudder_ships import Orders, Ship, sail
+from tests.benchmarks import yard_trials
 from tests.benchmarks.yard_ship import Sailed, YardShip
-from tests.benchmarks.yard_trials import START, Recorder, Truth, record, sail
+from tests.benchmarks.yard_trials import START, Recorder, Truth, record
 
 QUIET = Recorder(2.0, 0.02, 0.01, 0.005, 0.003, 0.02, (0.0, 0.0), orders=False)
 DEAD_TIMES_S = (0.0, 6.0, 15.0)
@@ -25,7 +28,7 @@ DEAD_TIMES_S = (0.0, 6.0, 15.0)
 def stopped(dead_s: float) -> tuple[YardShip, Sailed, Truth]:
     """A ship whose engine does nothing for so long after the order."""
     ship = YardShip(120.0, shaft_lag_s=10.0, engine_dead_s=dead_s)
-    return (ship, *sail(ship, "stopping", 1.0))
+    return (ship, *yard_trials.sail(ship, "stopping", 1.0))
 
 
 def stop_of(
@@ -82,6 +85,34 @@ def test_the_shaft_alone_leaves_open_how_much_earlier_the_order_was(dead_s: floa
     lag_s = run.settings["order_lag_s"]
     assert lag_s >= 6.0
     assert reach.high - reach.value > reach.value - reach.low + 0.9 * lag_s * run.settings["approach_mps"]
+
+
+@pytest.mark.parametrize("between_rpm", [0.0, 30.0])
+def test_an_engine_that_stops_before_it_reverses_is_stopped_from_the_first_order(between_rpm: float) -> None:
+    """Between the ship coasts, the shaft still or turned by the water; a ship at a new speed was ordered anew."""
+    ship = Ship(speed_time_s=100.0)
+
+    def orders(second_s: float) -> Orders:
+        steps = (60.0, 120.0), (second_s, between_rpm), (np.inf, -60.0)
+        return lambda time_s, *_: (0.0, next(rpm for end_s, rpm in steps if time_s < end_s))
+
+    table = sail(ship, orders(100.0), 300.0)
+    (run,) = (run for run in find_manoeuvres(table, 100.0) if run.kind == "stopping")
+    assert run.name == FULL_ASTERN
+    assert (run.start - table.index[0]).total_seconds() == pytest.approx(60.0, abs=0.5)
+    assert any("pause" in note for note in run.notes)
+    way_m = np.hypot(*np.diff(table.loc[run.start : run.end, ["north_m", "east_m"]].iloc[[0, -1]], axis=0)[0])
+    assert run.indices["track_reach_m"].value == pytest.approx(way_m, abs=5.0)
+
+    later = [run for run in find_manoeuvres(sail(ship, orders(400.0), 600.0), 100.0) if run.kind == "stopping"]
+    assert all(run.start > table.index[0] + pd.Timedelta(seconds=300) or run.name != FULL_ASTERN for run in later)
+
+
+def test_a_stop_that_the_recording_does_not_hold_to_its_end_is_left_out_for_that() -> None:
+    table = sail(Ship(speed_time_s=100.0), lambda time_s, *_: (0.0, 120.0 if time_s < 60.0 else 0.0), 200.0)
+    left_out = find_manoeuvres_and_left_out(table, 100.0)[1]
+    (stop,) = (candidate for candidate in left_out if candidate.kind == "stopping")
+    assert stop.why.endswith("when the recording ended")
 
 
 def test_orders_that_come_after_the_shaft_show_nothing() -> None:
