@@ -36,6 +36,7 @@ from seatrial.analysis.tables.table import trial_of, utc_index
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
 _STEADY_HELM_SHARE, _STEADY_HELM_DEG = 0.35, 2.0
 _WIDEST_HELM_DEG = 75.0
+_LEAST_HELD_S, _HELD_SHARE_OF_SWING = 2.0, 0.25  # of a boat whose swings last for seconds
 _MEASURED_SHARE = 0.9  # of a manoeuvre in which pose and speeds have to be measured
 _RUNNING_SHARE = 0.08
 _SHORTEST_S = 20.0
@@ -295,10 +296,12 @@ def _zigzags_and_turns(
         if len(chain) == kinds.FEWEST_SWINGS - 1:
             why = f"the helm alternates {len(chain)} times, less than {kinds.FEWEST_SWINGS}"
             left_out.append(LeftOut("zigzag", start, end, why))
-    taken = _rows_taken_by_chains(motion, chains)
+    zigzags = [(chain, kinds.make_zigzag(motion, chain)) for chain in chains]
+    zigzags = [(chain, run) for chain, run in zigzags if not kinds.keeps_course(run)]
+    taken = _rows_taken_by_chains(motion, [chain for chain, _ in zigzags])
     spirals = kinds.spiral_steps(motion, _drop_taken_plateaus(helms, taken))
     taken |= _rows_taken_by_chains(motion, spirals)
-    manoeuvres = [kinds.make_zigzag(motion, chain) for chain in chains]
+    manoeuvres = [run for _, run in zigzags]
     manoeuvres += [kinds.make_spiral(motion, steps) for steps in spirals]
     if helm.any():
         rates = kinds.reverse_spiral_steps(
@@ -334,9 +337,11 @@ def _helm_plateaus(motion: Motion) -> tuple[Motion, list[measures.Plateau], list
         measures.helm_rate_dps(ahead, motion.step_s),
         measures.command_noise_tolerance(helm, _LEAST_STEP_DEG),
     )
-    helms = list[measures.Plateau]()
+    helms, swings_s = list[measures.Plateau](), np.diff(measures.helm_turning_points(ahead, motion.step_s)[1])
+    swing_s = float(np.median(swings_s)) * motion.step_s if swings_s.size >= kinds.FEWEST_SWINGS else np.inf
+    least_s = min(_LEAST_HELD_S, _HELD_SHARE_OF_SWING * swing_s)
     for first, end in runs_of_true(~motion.broken):
-        pieces = measures.find_plateaus(helm[first:end], motion.step_s, tolerance, rate=rate)
+        pieces = measures.find_plateaus(helm[first:end], motion.step_s, tolerance, least_s, rate)
         helms += [
             replace(plateau, first=plateau.first + first, end=plateau.end + first)
             for plateau in measures.merge_corrections(pieces, motion.step_s)

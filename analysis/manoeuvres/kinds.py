@@ -24,6 +24,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 
 from seatrial.acquisition.core.quantities import Bools, Floats, rotate_earth_to_ship
 from seatrial.analysis.manoeuvres import measures
@@ -40,13 +41,14 @@ from seatrial.analysis.manoeuvres.motion import BY_DIFFERENCE, Motion, row_to_ro
 from seatrial.analysis.series import local_quadratic
 
 FEWEST_SWINGS = 3
-_SHORTEST_SWING_S = 1.0
+_SHORTEST_SWING_S, _SHORTEST_SHARE = 1.0, 0.25  # of the usual swing of the run
 _LONGEST_PAUSE_S = 8.0
 _WIDEST_SWING_DEG = 150.0
 _ZIGZAG_MARGIN_S = 30.0
 _STEADY_SHARE = 0.2
 _CUT_SHORT_S, _CUT_SHORT_DEG = 4.0, 2.0  # a helm reversed on its way stops for and moves by no more
 _FIRST_TURN_SHARE = 0.5  # of the switching angle
+_BRIEF_SWING_S, _LEAST_SWITCH_SHARE = 5.0, 0.2  # of the helm
 _SAME_LEVEL_DEG, _LEVEL_RANGES = 1.0, 3.0  # deviation of a helm from the others, and in their ranges
 SWITCH_SHARE = 0.16  # helms are switched early or late
 _INITIAL_TURN_DEG = 10.0
@@ -102,7 +104,8 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
         if levels.size > FEWEST_SWINGS:  # a last one that differs or was not held returns the ship to its course
             tolerance_deg = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
             differs = abs(levels[-1] - np.median(levels[1:-1])) > tolerance_deg
-            swings = swings[:-1] if differs or _is_cut_short(motion, swings[-1]) else swings
+            usual_s = motion.step_s * float(np.median([swing.end - swing.first for swing in swings[1:-1]]))
+            swings = swings[:-1] if differs or _is_cut_short(motion, swings[-1], 0.5 * usual_s) else swings
         # a helm that is there in the first row was ordered before the recording began
         before = [plateau for plateau in extremes if plateau.first > 0 and plateau.end <= swings[0].first]
         if before and measures.is_same_order(before[-1].level, swings[0].level):  # its own begin
@@ -135,8 +138,9 @@ def _row_before_first_swing(motion: Motion, chain: list[Plateau]) -> int:
     return motion.row_before(chain[0].first, measures.longest_helm_change_s(motion, chain[0].level) + motion.step_s)
 
 
-def _is_cut_short(motion: Motion, plateau: Plateau) -> bool:
-    return (plateau.end - plateau.first) * motion.step_s <= _CUT_SHORT_S + _CUT_SHORT_DEG / motion.helm_rate_dps
+def _is_cut_short(motion: Motion, plateau: Plateau, most_s: float = np.inf) -> bool:
+    longest_s = min(_CUT_SHORT_S + _CUT_SHORT_DEG / motion.helm_rate_dps, most_s)
+    return (plateau.end - plateau.first) * motion.step_s <= longest_s
 
 
 def _is_next_swing(motion: Motion, last: Plateau, following: Plateau) -> bool:
@@ -172,7 +176,9 @@ def make_zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     executes = [measures.helm_execute(motion, chain[0])]
     executes += [measures.helm_execute(motion, following, last) for last, following in pairwise(chain)]
     end = float(motion.time_s[chain[-1].end - 1])
-    while len(executes) > 2 and executes[1].order_s < executes[0].order_s + _SHORTEST_SWING_S:
+    usual_s = float(np.median(np.diff([execute.order_s for execute in executes])))
+    shortest_s = min(_SHORTEST_SWING_S, _SHORTEST_SHARE * usual_s)
+    while len(executes) > 2 and executes[1].order_s < executes[0].order_s + shortest_s:
         chain, executes = chain[1:], executes[1:]  # the helm only passed there on its way to the other side
     times = np.array([[*moments, end] for moments in zip(*(execute[:2] for execute in executes), strict=True)])
     within_s = np.array([[*widths, 0.0] for widths in zip(*(execute[2:4] for execute in executes), strict=True)])
@@ -206,6 +212,14 @@ def make_zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
         executes=tuple(motion.utc(order) for order in orders[1:-1]),
         notes=(*unsteady, *notes), shortfalls=(*unsteady, *shortfalls),
     )  # fmt: skip
+
+
+def keeps_course(zigzag: Manoeuvre) -> bool:
+    """Whether the helm of a zigzag goes to and fro within seconds, before the ship has followed it: one that keeps
+    the course in waves."""
+    swings = np.diff(pd.DatetimeIndex(zigzag.executes)) / np.timedelta64(1, "s")
+    switch_deg, helm_deg = zigzag.settings["switch_deg"], abs(zigzag.helm_deg or 0.0)
+    return bool(swings.size and np.median(swings) < _BRIEF_SWING_S and switch_deg < _LEAST_SWITCH_SHARE * helm_deg)
 
 
 def _sign_of_first_swing(motion: Motion, orders: Floats) -> float:

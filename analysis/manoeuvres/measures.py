@@ -487,11 +487,11 @@ def find_plateaus(
     """The stretches in which ``values`` [rows] change by at most ``tolerance`` within two seconds, in order of
     time.
 
-    For a command whose usual ``rate`` changes it by no more than that in two seconds, within the time for twice
-    the tolerance. A slower ramp is a plateau with a spread. Plateaus of one level separated only briefly are
-    joined.
+    They last for ``least_s`` at least, and where that is less than two seconds it is within that time. For a
+    command whose usual ``rate`` changes it by no more than the tolerance in two seconds, within the time for twice
+    of it. A slower ramp is a plateau with a spread. Plateaus of one level separated only briefly are joined.
     """
-    reach = max(1, round(max(_STEP_S, tolerance / rate) / step_s))
+    reach = max(1, round(max(min(_STEP_S, 0.5 * least_s), tolerance / rate) / step_s))
     calm = motions.running_median(values, max(3, round(1.5 / step_s)))
     change = np.zeros(values.size)
     if values.size > 2 * reach:

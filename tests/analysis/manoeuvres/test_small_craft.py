@@ -23,6 +23,7 @@ from tests.analysis.manoeuvres.small_craft import (
     sail_circle,
     sail_zigzag,
 )
+from tests.analysis.rudder_ships import MODEL, sail
 
 STEERING = {"rudder": RUDDER, "azimuths": AZIMUTHS, "propellers": PROPELLERS}
 CRAFT = st.builds(
@@ -59,6 +60,29 @@ def test_a_zigzag_is_one_with_all_its_swings(craft: Craft, swings: int, angle_de
     nearest_s = min(sailed.orders_s[: 1 + (lost > 0.0)], key=lambda order_s: abs(order_s - start_s))
     assert start_s == pytest.approx(nearest_s, abs=1.0 + 1.0 / craft.rate_hz)
     assert run.settings["switch_deg"] == pytest.approx(angle_deg, abs=4.0)
+
+
+@pytest.mark.parametrize(("angle_deg", "switch_deg"), [(10.0, 10.0), (20.0, 10.0), (20.0, 20.0)])
+@pytest.mark.parametrize("rate_hz", [2.0, 5.0, 10.0])
+def test_a_fast_boat_whose_swings_last_for_seconds_sails_zigzags(
+    angle_deg: float, switch_deg: float, rate_hz: float
+) -> None:
+    """A workboat of 12 m at 9 m/s is through a swing of a 20/10 in four seconds."""
+    craft = Craft(12.0, 9.0, helm_rate_dps=25.0, rate_hz=rate_hz)
+    sailed = sail_zigzag(craft, 6, angle_deg, switch_deg, 0, 60.0)
+    (run,), _ = steered(sailed.table)
+    assert run.name == f"zigzag {angle_deg:.0f}/{switch_deg:.0f}"
+    assert run.side == "starboard"
+    assert run.settings["swings"] >= 5.0
+    assert (run.start - sailed.table.index[0]).total_seconds() == pytest.approx(sailed.orders_s[0], abs=0.3)
+
+
+@pytest.mark.parametrize("period_s", [2.0, 3.5, 6.0])
+def test_a_helm_that_keeps_the_course_in_waves_sails_no_zigzag(period_s: float) -> None:
+    def keep_course(time_s: float, heading_deg: float, _: float) -> tuple[float, float]:
+        return 5.0 * round((12.0 * np.sin(2.0 * np.pi * time_s / period_s) - heading_deg) / 5.0), 600.0
+
+    assert steered(sail(MODEL, keep_course, 200.0))[0] == []
 
 
 @pytest.mark.parametrize("switch_deg", [1.0, 2.0, 3.0])
