@@ -430,6 +430,7 @@ _UNDER_WAY = 0.3
 _FEWEST_DEG = 60.0
 _CLEARLY = -0.8
 _NEEDED = ("heading_deg", "surge_mps")
+_MEAN_OVER, _FEWEST_MEANS, _KEPT_SHARE = "20s", 3, 0.98
 
 
 class Ramps(NamedTuple):
@@ -677,6 +678,40 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
         remedy = "Turn its sign, with scale = -1.0 in the column map, unless it is the heading's that is wrong"
         start, end = index[angle.rows[[0, -1]]]
         findings.append(Finding("helm_sign", channel.name, start, end, text, remedy, {"agreement": agreement}))
+    return CheckResult(uniform_flags(table), tuple(findings))
+
+
+def check_shaft_sign(table: pd.DataFrame) -> CheckResult:
+    """Find shafts that count as negative while they drive the ship ahead (``shaft_sign``).
+
+    ``estimate``: the ``agreement`` of the signs of thrust and speed, from -1 to 1: the mean over all means of 20 s
+    in which the shaft turns and the ship goes ahead without losing speed, as it does where it stops with thrust
+    astern; below -0.8 of a minute and more it is found. A controllable propeller counts by speed and pitch. Azimuth
+    thrusters are not checked: they may look aft. Without surge there is no finding.
+    """
+    findings, index = [], utc_index(table)
+    surge = "surge_mps"
+    for actuator in table_actuators(table) if surge in table else ():
+        names = [
+            channel.name for channel in actuator.channels if channel.unit in ("rpm", "%") and channel.name in table
+        ]
+        if not actuator.drives or actuator.steers_by == "azimuth" or not names:
+            continue
+        means = table[[*names, surge]].groupby(index.floor(_MEAN_OVER)).mean().dropna()
+        means = pd.DataFrame({"thrust": means[names].prod(axis=1), "surge": means[surge]})
+        runs_fast = (means.abs() > _UNDER_WAY * means.abs().quantile(0.98)).all(axis=1)
+        goes_on = means.index.to_series().diff().shift(-1) == pd.Timedelta(_MEAN_OVER)
+        keeps_speed = means["surge"].shift(-1) >= _KEPT_SHARE * means["surge"]
+        signs = np.sign(means["thrust"])[runs_fast & (means["surge"] > 0.0) & goes_on & keeps_speed]
+        if signs.size < _FEWEST_MEANS or (agreement := float(signs.mean())) > _CLEARLY:
+            continue
+        text = (
+            f"{names[0]} counts astern in {(1.0 - agreement) / 2.0:.0%} of the time in which the ship goes ahead "
+            "and keeps its speed: no speed run, acceleration or stop is recognised by it"
+        )
+        remedy = "Turn its sign, with scale = -1.0 in the column map, unless it is the surge's that is wrong"
+        start, end = index[np.flatnonzero(table[names[0]].notna())[[0, -1]]]
+        findings.append(Finding("shaft_sign", names[0], start, end, text, remedy, {"agreement": agreement}))
     return CheckResult(uniform_flags(table), tuple(findings))
 
 

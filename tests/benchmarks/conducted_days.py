@@ -30,6 +30,7 @@ from seatrial.analysis.conduct.conductor import Conductor, SailedRun
 from seatrial.analysis.conduct.programme import PlannedRun, programme_from_template
 from seatrial.analysis.conduct.run import Call, instant_of
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.motion import runs_of_true
 from seatrial.analysis.quality.wind import beaufort_number
 from seatrial.analysis.tables.table import NANO
 from seatrial.hybrid.effects import vessel_plant
@@ -420,8 +421,10 @@ def true_shortfalls(day: Day, run: TrueRun, entry: SailedRun, factor: float = 1.
     if np.sign(helms[0]) != planned.sign:
         wrong.append("wrong side")
     last = max(1, (round(run.orders_s[-1] / STEP_S) if planned.kind == "zigzag" else end) - at)
-    if np.mean(np.abs(helms[:last]) > 0.5 * (planned.helm_deg or 0.0)) < 0.85:
-        wrong.append("helm let go")
+    over = np.abs(helms[:last]) > 0.5 * (planned.helm_deg or 0.0)
+    let_go_s = STEP_S * max((stop - first for first, stop in runs_of_true(~over)), default=0)
+    if over.mean() < 0.85 or (planned.kind == "zigzag" and let_go_s > factor * max(2.0, 0.2 * length_s)):
+        wrong.append(f"helm let go for {let_go_s:.1f} s")
     held = np.abs(helms[np.abs(helms) > 0.5 * (planned.helm_deg or 0.0)])
     share = factor * (0.05 if planned.kind == "turning_circle" else 0.1)
     if abs(np.median(held) / (planned.helm_deg or 1.0) - 1.0) > share:
