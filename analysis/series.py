@@ -16,6 +16,7 @@ projected or drifts by less than a hundredth of its step shows in the difference
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +41,12 @@ _COARSER = {("command", "deg"): 1.0, ("environment", "deg"): 1.0, ("environment"
 _DEGREES_OF_POSITION = 2e-7
 _FEWEST, _CONCENTRATED, _LARGEST_MULTIPLE = 30, 0.8, 8.5
 _MOST_VALUES, _EXACT, _NOISES = 200_000, 0.95, 0.7
+_FEWEST_RENEWED, _LEAST_REPEATED, _CLEAR_STEPS = 20, 1.5, 5.0
+_ON_STEP, _OUT_OF_STEP, _MOST_RENEWED = (
+    0.02,
+    0.34,
+    0.9,
+)  # of the step; of the period: two of 2, two to four of 3; of the new values
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -170,6 +177,44 @@ def runs_of_equal(changes: Bools) -> tuple[Ints, Ints]:
     """
     starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
     return starts, np.diff(np.append(starts, changes.size + 1))
+
+
+def find_repeats(samples: Samples, is_command: bool = False) -> tuple[Ints, float]:
+    """The rows of samples that repeat the value of a slower source, and the time between its own values [s].
+
+    A quantity that changes by many of its steps from one new value to the next has moved between them, and the
+    equal samples there were not measured. The new values come in step: those of a coarse channel come as it moves.
+    A command may be held, and a feedback has noise then: its new values come in step nearly all the time.
+    """
+    value, nothing = samples.value, (np.zeros(0, np.int64), 0.0)
+    places = np.flatnonzero(np.diff(value)) + 1
+    if places.size < _FEWEST_RENEWED or value.size < _LEAST_REPEATED * places.size:
+        return nothing
+    sizes = np.abs(np.diff(value))[places - 1]
+    step = float(np.quantile(sizes, 0.02, method="lower"))
+    is_coarse = np.mean(np.abs(sizes / step - np.rint(sizes / step)) < _ON_STEP) > _CONCENTRATED
+    is_clear = sizes > _CLEAR_STEPS * step * is_coarse
+    apart = np.diff(places)[is_clear[1:] & is_clear[:-1]]
+    period = int(np.median(apart)) if apart.size >= _FEWEST_RENEWED else 0
+    if period < 2 or np.mean(np.abs(apart - period) <= _OUT_OF_STEP * period) < _MOST_RENEWED:
+        return nothing
+    lasts = np.diff(places)
+    if is_command and lasts[np.abs(lasts - period) <= _OUT_OF_STEP * period].sum() < _MOST_RENEWED * value.size:
+        return nothing
+    since = np.arange(value.size)
+    since -= np.maximum.accumulate(np.where(np.isin(since, places), since, 0))
+    return samples.rows[since % period != 0], period * float(np.median(np.diff(samples.time_s)))
+
+
+def without_repeats(table: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
+    """A table with gaps in some channels where they repeat the values of slower sources (:func:`find_repeats`)."""
+    columns = {}
+    for name in filter(table.__contains__, names):
+        rows, _ = find_repeats(finite_samples(table, name), is_command=name not in ship.POSE_AND_VELOCITY)
+        if rows.size:
+            columns[name] = table[name].to_numpy(dtype=float, copy=True)
+            columns[name][rows] = np.nan
+    return table.assign(**columns) if columns else table
 
 
 def jackknife_error(estimates: Floats) -> Floats:

@@ -70,7 +70,7 @@ def helm_rate_dps(helm: Floats, step_s: float) -> float:
     """
     calm, turns = helm_turning_points(helm, step_s)
     rates, ways_deg, (least, most) = list[float](), list[float](), _EVEN_PART
-    on_way = 0.5  # rows of all movements; without any the rate is high, and yet not infinite
+    on_way = 0  # rows of all movements
     for first, last in pairwise(turns):
         travel = np.maximum.accumulate(np.abs(calm[first : last + 1] - calm[first]))
         order = np.arange(travel.size)
@@ -80,7 +80,8 @@ def helm_rate_dps(helm: Floats, step_s: float) -> float:
         on_way += np.count_nonzero((travel > least * travel[-1]) & (travel < most * travel[-1]))
     if not rates:
         return float("inf")
-    takes_rows = on_way / (len(rates) + 0.5) / (most - least)
+    # without a row on the way the rate is high, and yet not infinite
+    takes_rows = max(on_way, 0.5) / len(rates) / (most - least)
     if takes_rows >= _FEW_ROWS:
         return float(np.median(rates))
     return max(float(np.median(rates)), float(np.mean(ways_deg)) / (takes_rows * step_s))

@@ -16,7 +16,7 @@ pushes more and turns the ship to starboard: 0 for like propellers, 45 deg for o
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from datetime import datetime
 from typing import Any
@@ -36,7 +36,14 @@ from seatrial.acquisition.core.quantities import (
 )
 from seatrial.analysis.quality.findings import ORDER_INTERPOLATED, check_orders
 from seatrial.analysis.quality.motion.model import heading_deviation, wild_heading_mask
-from seatrial.analysis.series import edges_of_runs, local_quadratic, robust_spread, white_noise_standard_deviation
+from seatrial.analysis.series import (
+    edges_of_runs,
+    finite_samples,
+    local_quadratic,
+    robust_spread,
+    white_noise_standard_deviation,
+    without_repeats,
+)
 from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.resample import resample
 
@@ -52,6 +59,7 @@ BY_DIFFERENCE = "thrust"  # steering by propellers to both sides
 _SIDES = (re.compile(r"(^|_)(port|left|bb|ps)(_|$)"), re.compile(r"(^|_)(starboard|stbd|right|sb)(_|$)"))
 _STILL_SHARE = 0.2  # of the mean side thrust, that it changes by in a turn that lasts for the whole recording
 _OPPOSED = -0.9  # correlation of side thrusts under way, below which a drive is at the other end of the ship
+_FEWEST_HELMS, _LONGEST_HELM_INTERVAL_S, _BRIEF_SHARE = 10, 7.5, 0.2
 _IN_STEP = 0.98  # the mean of unit vectors at the phases of samples, above which they are in step
 
 
@@ -207,7 +215,8 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     tables.require_actuators(table, (*steering, *driving))
     helms = [actuator.angle.name for actuator in steering if actuator.angle is not None]
     tables.require(table, (*ship.POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
-    grid, time_ns = _resample_to_even_grid(table)
+    table = without_repeats(table, (*ship.POSE_AND_VELOCITY, *helms))
+    grid, time_ns = _resample_to_even_grid(table, helms)
     time_s = (time_ns - time_ns[0]) / tables.NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
     grid = _add_velocities(grid, step_s)
@@ -314,15 +323,17 @@ def row_to_row_noise(values: Floats) -> float:
     return white_noise_standard_deviation(values[np.isfinite(values)])
 
 
-def _resample_to_even_grid(table: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
-    """A table at its own rate, up to 5 Hz, and the times of its rows [ns].
+def _resample_to_even_grid(table: pd.DataFrame, helms: Sequence[str]) -> tuple[pd.DataFrame, Ints]:
+    """A table at its own rate, up to 5 Hz, and the times of its rows [ns]; ``helms`` are the angles that steer.
 
     The grid lies at the samples of the heading where they are in step: then nothing is interpolated, which would
-    take off noise that the intervals are to show.
+    take off noise that the intervals are to show. Nor is a helm that is over within few of its own samples: that
+    would be a slower one.
     """
     times = tables.times_ns(table)[table["heading_deg"].notna().to_numpy()]
     distinct = np.unique(times)
     interval_s = float(np.median(np.diff(distinct))) / tables.NANO if distinct.size > 1 else 1.0
+    interval_s = max([interval_s, *(_brief_helm_interval_s(table, name) for name in helms)])
     rate_hz = min(1.0 / interval_s, FASTEST_HZ)
     rate_hz = float(np.round(rate_hz)) if rate_hz >= 1.0 else rate_hz
     step_ns = tables.NANO / rate_hz
@@ -339,11 +350,24 @@ def _resample_to_even_grid(table: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
     for name in filter(on_grid.__contains__, tables.table_controls(on_grid)):
         samples = on_grid[name].dropna().sort_index()
         stamps = tables.times_ns(samples.to_frame())
-        if stamps.size > 1 and np.median(np.diff(stamps)) < 0.8 * tables.NANO / FASTEST_HZ:
+        if stamps.size > 1 and np.median(np.diff(stamps)) < 0.8 * step_ns:
             values = samples.to_numpy(dtype=float)
             values = np.interp(at, stamps, ship.unwrap(values) if ship.is_circular(name) else values)
             sharp[name] = ship.wrap_180(values) if ship.is_circular(name) else values
     return grid.assign(**sharp), at + delay_ns
+
+
+def _brief_helm_interval_s(table: pd.DataFrame, name: str) -> float:
+    """The interval of a helm that comes evenly and moves by a fifth of its range from one sample to the next [s],
+    0 of any other."""
+    samples = finite_samples(table, name)
+    if samples.value.size < _FEWEST_HELMS:
+        return 0.0
+    intervals_s, helm_deg = np.diff(samples.time_s), ship.unwrap(samples.value)
+    interval_s = float(np.median(intervals_s))
+    is_even = float(np.quantile(intervals_s, 0.9)) <= 1.5 * interval_s <= _LONGEST_HELM_INTERVAL_S
+    is_brief = np.abs(np.diff(helm_deg)).max() > _BRIEF_SHARE * np.ptp(np.quantile(helm_deg, [0.01, 0.99]))
+    return interval_s if is_even and is_brief else 0.0
 
 
 def _clean_heading_deg(table: pd.DataFrame) -> Floats:

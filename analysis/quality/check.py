@@ -32,8 +32,8 @@ from seatrial.analysis.tables import table as tables
 
 CHECKS: tuple[quality.Check, ...] = (
     check_motion, channel_checks.check_heading_wrap, quality.check_orders, quality.check_thruster_feedback,
-    quality.check_exchanged_feedback, quality.check_helm_sign, quality.check_shaft_sign, check_wind,
-    situations.check_situations,
+    quality.check_exchanged_feedback, quality.check_helm_sign, quality.check_shaft_sign, quality.check_repeats,
+    check_wind, situations.check_situations,
 )  # fmt: skip
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
@@ -42,8 +42,8 @@ SEVERITY = ("time_outlier", "clock_jump", "alternating_levels", "time_backwards"
            "motion_contradiction", "helm_sign", "shaft_sign", "stuck", "position_jump", "heading_wrap_interpolated",
            "speed_scale", "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_time_jitter",
            "heading_offset", "yaw_rate_bias", "position_offset", "wind_apparent", "wind_direction_offset",
-           "order_interpolated", "ship_held", "ship_towed", "spike", "gap", "quantised", "time_jitter",
-           "duplicate")  # fmt: skip
+           "order_interpolated", quality.REPEATED, "ship_held", "ship_towed", "spike", "gap", "quantised",
+           "time_jitter", "duplicate")  # fmt: skip
 """Codes of findings, the most severe first; others come last."""
 
 _PAIRS = {"north_m": "east_m", "east_m": "north_m", "surge_mps": "sway_mps", "sway_mps": "surge_mps"}

@@ -37,6 +37,7 @@ from seatrial.analysis.tables.table import NANO, table_actuators, table_controls
 
 Flags = Bytes
 ALL = "all"
+REPEATED = "repeated"
 SHIP = "ship"
 """What a finding is about that is no fault of a channel."""
 OTHER_TURN = "other_turn"
@@ -679,6 +680,32 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
         start, end = index[angle.rows[[0, -1]]]
         findings.append(Finding("helm_sign", channel.name, start, end, text, remedy, {"agreement": agreement}))
     return CheckResult(uniform_flags(table), tuple(findings))
+
+
+def check_repeats(table: pd.DataFrame) -> CheckResult:
+    """Find channels of the motion and angles that repeat the values of a slower source (``repeated``).
+
+    ``estimate``: the time between the source's own values, ``period_s``. Repeats are as late as they are old, and
+    flagged suspect.
+    """
+    angles = [actuator.angle.name for actuator in table_actuators(table) if actuator.angle is not None]
+    names = [name for name in (*ship.POSE_AND_VELOCITY, *angles) if name in table]
+    flags, findings, index = uniform_flags(table, names), list[Finding](), utc_index(table)
+    for name in names:
+        samples = series.finite_samples(table, name)
+        rows, period_s = series.find_repeats(samples, is_command=name in angles)
+        if not rows.size:
+            continue
+        set_flags(flags, name, rows, Quality.SUSPECT)
+        late_s = 0.5 * (period_s - float(np.median(np.diff(samples.time_s))))
+        text = (
+            f"{name} has a new value every {period_s:.3g} s and repeats it in between, so that it is late by "
+            f"{late_s:.2g} s on average"
+        )
+        remedy = "Record each value once, when it is new; --repair leaves the repeats out"
+        span = index[samples.rows[[0, -1]]]
+        findings.append(Finding(REPEATED, name, *span, text, remedy, {"period_s": period_s}, certain=True))
+    return CheckResult(flags, tuple(findings))
 
 
 def check_shaft_sign(table: pd.DataFrame) -> CheckResult:

@@ -26,10 +26,18 @@ from seatrial.acquisition.core.quantities import Bools, Floats, integrate
 from seatrial.acquisition.recording import reader, writer
 from seatrial.analysis.quality import check, wind
 from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, is_checked_angle, seam_line_mask
-from seatrial.analysis.quality.findings import ALL, ORDER_INTERPOLATED, OTHER_TURN, Finding, Flags, hold_orders
+from seatrial.analysis.quality.findings import (
+    ALL,
+    ORDER_INTERPOLATED,
+    OTHER_TURN,
+    REPEATED,
+    Finding,
+    Flags,
+    hold_orders,
+)
 from seatrial.analysis.quality.motion.findings import delays_in_findings
 from seatrial.analysis.quality.motion.positions import reconstruct_heading, reconstruct_positions
-from seatrial.analysis.series import finite_samples, rows_of_samples
+from seatrial.analysis.series import finite_samples, rows_of_samples, without_repeats
 from seatrial.analysis.tables import export, resample
 from seatrial.analysis.tables import table as tables
 
@@ -280,6 +288,16 @@ def remove_duplicates(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) 
     return SingleRepair("samples that stand twice stand once", columns)
 
 
+def remove_repeats(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
+    """Gaps where a channel repeats the value of a slower source."""
+    name = finding.channel
+    if name not in table:
+        return _NOTHING
+    return SingleRepair(
+        "repeats of a slower source became gaps", {name: without_repeats(table, [name])[name].to_numpy()}
+    )
+
+
 def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """Samples on straight lines through the seam, put between their sound neighbours on the circle.
 
@@ -363,6 +381,7 @@ REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepai
     "spike": remove_flagged,
     "stuck": remove_flagged,
     "duplicate": remove_duplicates,
+    REPEATED: remove_repeats,
     WRAP_INTERPOLATED: repair_heading_wrap,
     "yaw_rate_scale": scale_channels,
     "speed_scale": scale_channels,
