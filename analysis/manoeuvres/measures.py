@@ -77,7 +77,7 @@ def helm_rate_dps(helm: Floats, step_s: float) -> float:
         rows = np.interp(np.linspace(0.1, 0.9, 9) * travel[-1], travel + 1e-9 * order, order)
         rates.append(float(0.3 * travel[-1] / (step_s * max(0.3, (rows[3:] - rows[:-3]).min()))))
         ways_deg.append(float(travel[-1]))
-        on_way += np.count_nonzero((travel > least * travel[-1]) & (travel < most * travel[-1]))
+        on_way += int(np.count_nonzero((travel > least * travel[-1]) & (travel < most * travel[-1])))
     if not rates:
         return float("inf")
     # without a row on the way the rate is high, and yet not infinite

@@ -703,8 +703,8 @@ def check_repeats(table: pd.DataFrame) -> CheckResult:
             f"{late_s:.2g} s on average"
         )
         remedy = "Record each value once, when it is new; --repair leaves the repeats out"
-        span = index[samples.rows[[0, -1]]]
-        findings.append(Finding(REPEATED, name, *span, text, remedy, {"period_s": period_s}, certain=True))
+        start, end = index[samples.rows[[0, -1]]]
+        findings.append(Finding(REPEATED, name, start, end, text, remedy, {"period_s": period_s}, certain=True))
     return CheckResult(flags, tuple(findings))
 
 
