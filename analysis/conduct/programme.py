@@ -357,10 +357,11 @@ def _imo_runs() -> list[PlannedRun]:
 
 
 def _speed_trial_runs(speed_mps: float) -> list[PlannedRun]:
-    """Double runs at three powers (ISO 15016:2015): the speeds are those that 65, 85 and 100 % of the power give,
-    by the cube."""
-    return [PlannedRun(kind="speed_run", speed_mps=round(speed_mps * (power / 0.85) ** (1.0 / 3.0), 2), repeats=2,
-                       priority=3, purpose=("speed at a power",)) for power in (0.65, 0.85, 1.0)]  # fmt: skip
+    """Four double runs at three powers, two of them at that of the tests (ISO 15016:2015): the speeds are those
+    that 65, 85 and 100 % of the power give, by the cube."""
+    return [PlannedRun(kind="speed_run", speed_mps=round(speed_mps * (power / 0.85) ** (1.0 / 3.0), 2),
+                       repeats=repeats, priority=3, purpose=("speed at a power",))
+            for power, repeats in ((0.65, 2), (0.85, 4), (1.0, 2))]  # fmt: skip
 
 
 def _identification_runs(speed_mps: float) -> list[PlannedRun]:

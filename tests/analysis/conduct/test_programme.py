@@ -65,6 +65,13 @@ def test_imo_template_asks_for_every_criterion_to_both_sides() -> None:
     assert purposes == {(criterion.name, side) for criterion in criteria.CRITERIA for side in criterion.sides}
 
 
+def test_speed_trials_have_the_double_runs_that_their_analysis_asks_for() -> None:
+    runs = [run for run in programme("imo_speed_trials").run if run.kind == "speed_run"]
+    assert len({run.speed_mps for run in runs}) == 3
+    assert sum(run.repeats // 2 for run in runs) == 4
+    assert all(run.repeats % 2 == 0 and run.duration_s == 600.0 for run in runs)
+
+
 def test_times_of_a_ship_and_of_its_model_at_one_froude_number_are_as_the_roots_of_their_lengths() -> None:
     ship, model = programme(length_m=200.0, speed_mps=8.0), programme(length_m=50.0, speed_mps=4.0)
     for large, small in zip(ship.run, model.run, strict=True):
