@@ -183,10 +183,11 @@ def manoeuvre_settings_line(manoeuvre: Manoeuvre) -> str:
     settings = []
     for name, value in manoeuvre.settings.items():
         digits = _significant_decimals(value, 3) if value % 1.0 else 0
-        settings.append(f"{plain_name(name)} {value:.{digits}f} {unit_in_name(name)}".strip())
+        shown = round(value, digits) % 360.0 if name.endswith("heading_deg") else value
+        settings.append(f"{plain_name(name)} {shown:.{digits}f} {unit_in_name(name)}".strip())
     if manoeuvre.current:
         current = manoeuvre.current.as_json()
-        settings.append(f"drift {current['speed_mps']:.2f} m/s to {current['direction_deg']:.0f} deg")
+        settings.append(f"drift {current['speed_mps']:.2f} m/s to {round(current['direction_deg']) % 360} deg")
     return "; ".join(filter(None, [not_counted_text(manoeuvre), ", ".join(settings), *manoeuvre.notes]))
 
 

@@ -191,7 +191,7 @@ def picture_caption(run: Manoeuvre, common: Sequence[str] = ()) -> str:
         remarks.append(f"Approach at {run.settings['approach_mps']:.2f} m/s on {heading_deg:03d}°")
     if run.current is not None:
         drift = run.current.as_json()
-        remarks.append(f"drift {drift['speed_mps']:.2f} m/s towards {drift['direction_deg']:.0f}°")
+        remarks.append(f"drift {drift['speed_mps']:.2f} m/s towards {round(drift['direction_deg']) % 360}°")
     remarks += filter(None, [tables.not_counted_text(run)])
     words = "; ".join([*remarks, *(note for note in run.notes if note not in common)])
     return f"{words}." if words else ""

@@ -71,6 +71,15 @@ def test_settings_keep_their_units(recording: Path) -> None:
         assert re.search(rf"\b{name} -?[\d.]+ {unit}(,|;|$)", text), text
 
 
+@pytest.mark.parametrize(
+    ("heading_deg", "words"), [(359.98, "heading 0 deg"), (0.0, "heading 0 deg"), (359.4, "heading 359 deg")]
+)
+def test_a_heading_that_rounds_to_a_whole_turn_is_north(heading_deg: float, words: str) -> None:
+    at = pd.Timestamp("2026-06-01T08:00Z")
+    run = Manoeuvre("speed_run", "speed run", at, at, "", {"approach_heading_deg": heading_deg}, {})
+    assert words in manoeuvre_settings_line(run)
+
+
 def test_a_limit_is_shown_with_its_unit_and_in_lengths() -> None:
     advance = replace(index_from_value("advance_m", 100.0, 1.0, 50.0), limit=225.0)
     assert index_cells(advance)[-1] == "225.0 m (4.5 L)"
