@@ -24,6 +24,7 @@ import numpy as np
 from seatrial.acquisition.config.run_sheet import Conditions
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, nominal_angle_deg, overshoot_from_order_name
 from seatrial.analysis.manoeuvres.kinds import REMOVED, SWITCH_SHARE
+from seatrial.analysis.quality.wind import beaufort_number
 
 MET, NOT_MET, CANNOT_BE_SAID, NOT_SHOWN = "met", "not_met", "cannot_be_said", "not_shown"
 
@@ -181,7 +182,7 @@ def missing_conditions_of_run(run: Manoeuvre, conditions: Conditions) -> tuple[s
     For a ship that the standards are not for, it is only that. In the time of one ship length neither heading nor
     speed of the approach may change by more than what noise shows of them. Its speed through the water may have
     been that over ground less the current, which may have come from astern. Of the stated depth of the water and
-    that measured in the run the lesser counts.
+    that measured in the run the lesser counts, and of the winds the stronger.
     """
     length_m, speed_mps = conditions.length_m, run.settings.get("approach_mps")
     if length_m is not None and length_m < LEAST_LENGTH_M and not conditions.chemical_or_gas_tanker:
@@ -193,7 +194,7 @@ def missing_conditions_of_run(run: Manoeuvre, conditions: Conditions) -> tuple[s
     elif not (fraction := (speed_mps - (conditions.current_mps or 0.0)) / wanted_mps) >= _TEST_SPEED_SHARE:
         speed = f"the approach was at {fraction:.0%} of the speed at 85 % of the maximum output, less than 90 %"
     length = NO_LENGTH if length_m is None else ""
-    conditions = replace_by_shallower_water(conditions, [run])
+    conditions = replace_by_worse_conditions(conditions, [run])
     shortfalls = (length, *condition_shortfalls(conditions).values(), approach, speed)
     return tuple(shortfall for shortfall in shortfalls if shortfall)
 
@@ -246,11 +247,18 @@ def condition_shortfalls(conditions: Conditions) -> dict[str, str]:
     }  # fmt: skip
 
 
-def replace_by_shallower_water(conditions: Conditions, runs: Iterable[Manoeuvre]) -> Conditions:
-    """Stated conditions, with the least depth that was measured in some runs where that is less."""
-    depths = [run.settings.get("water_depth_m", np.nan) for run in runs]
-    return replace(conditions, water_depth_m=min(
-        filter(np.isfinite, [conditions.number("water_depth_m"), *depths]), default=None))  # fmt: skip
+def replace_by_worse_conditions(conditions: Conditions, runs: Iterable[Manoeuvre]) -> Conditions:
+    """Stated conditions, with the least depth and the strongest mean wind that were measured in some runs where
+    these are worse."""
+    measured = [run.settings for run in runs]
+    depths_m = [conditions.number("water_depth_m"), *(run.get("water_depth_m", np.nan) for run in measured)]
+    winds_mps = [run["wind_mps"] for run in measured if "wind_mps" in run]
+    forces = [conditions.beaufort, beaufort_number(max(winds_mps)) if winds_mps else None]
+    return replace(
+        conditions,
+        water_depth_m=min(filter(np.isfinite, depths_m), default=None),
+        beaufort=max((force for force in forces if force is not None), default=None),
+    )
 
 
 def _test_shortfalls(run: Manoeuvre, criterion: Criterion) -> tuple[str, ...]:

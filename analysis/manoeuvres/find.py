@@ -30,7 +30,9 @@ from seatrial.acquisition.core.trial import NANO
 from seatrial.analysis.manoeuvres import conducted, criteria, kinds, measures, straight_runs
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_from_value
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, row_to_row_noise, runs_of_true
+from seatrial.analysis.quality.findings import check_shaft_sign
 from seatrial.analysis.quality.wind import recorded_conditions, replace_by_stronger_wind
+from seatrial.analysis.series import is_assumed
 from seatrial.analysis.tables.table import trial_of, utc_index
 
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
@@ -130,10 +132,11 @@ def find_manoeuvres_and_left_out(
     for span in (run.judged for run in sorted(programme, key=lambda run: run.outcome == "valid") if run.judged):
         judged = sorted(_replace_by_judged(judged, table, span, conditions, events), key=in_time)
     runs = remove_currents(motion, [run for run in judged if isinstance(run, Manoeuvre)])
-    runs = conducted.exclude_uncounted(_add_water_depth(_apply_marks(runs, marks), table), programme)
+    runs = conducted.exclude_uncounted(_add_depth_and_wind(_apply_marks(runs, marks), table), programme)
     added = conducted.exclude_uncounted([run for name in finders for run in _call_finder(name, motion)], programme)
     manoeuvres = sorted([*criteria.add_limits(runs, conditions), *added], key=in_time)
     left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
+    left_out[:0] = [LeftOut("speed run or stop", *bounds, fault.text) for fault in check_shaft_sign(table).findings]
     if not motion.steering:
         left_out.insert(0, LeftOut("turn or zigzag", *bounds, _NO_HELM))
     elif not manoeuvres and not left_out:
@@ -208,20 +211,25 @@ def conditions_of_table(
     return conditions
 
 
-def _add_water_depth(runs: Iterable[Manoeuvre], table: pd.DataFrame) -> list[Manoeuvre]:
-    """Runs with the least depth of the water in each, the median of ten seconds, where it was recorded.
+def _add_depth_and_wind(runs: Iterable[Manoeuvre], table: pd.DataFrame) -> list[Manoeuvre]:
+    """Runs with the least depth of the water in each, the median of ten seconds, and its mean wind, where these
+    were recorded.
 
-    It is that of the run's own samples, whatever else was recorded: `seatrial conduct` judges the run by it aboard.
+    They are those of the run's own samples, whatever else was recorded: `seatrial conduct` judges the run by them
+    aboard.
     """
     times, depths_m, result = utc_index(table), water_depth_m(table), list[Manoeuvre]()
     recorded = pd.Series(np.broadcast_to(depths_m, len(times)), times).dropna().sort_index()
+    wind = table.reindex(columns=["wind_speed_mps"]).iloc[: 0 if is_assumed(table, "wind_direction_deg") else None]
+    wind_mps = wind["wind_speed_mps"].dropna().sort_index()
     for run in runs:
-        depths = recorded[run.start : run.end]
+        depths, winds_mps = recorded[run.start : run.end], wind_mps[run.start : run.end]
         steps_s = np.diff(pd.DatetimeIndex(depths.index).as_unit("ns").asi8) / NANO
         is_slow = steps_s.size > 0 and np.median(steps_s) > _DEPTH_STEP_S
         medians = depths.rolling(_DEPTH_AVERAGED, min_periods=1 if is_slow else 3).median()
-        least = {} if medians.isna().all() else {"water_depth_m": float(medians.min())}
-        result.append(replace(run, settings={**run.settings, **least}))
+        own = {} if medians.isna().all() else {"water_depth_m": float(medians.min())}
+        own |= {} if winds_mps.empty else {"wind_mps": float(winds_mps.mean())}
+        result.append(replace(run, settings={**run.settings, **own}))
     return result
 
 

@@ -734,7 +734,7 @@ def check_shaft_sign(table: pd.DataFrame) -> CheckResult:
             continue
         text = (
             f"{names[0]} counts astern in {(1.0 - agreement) / 2.0:.0%} of the time in which the ship goes ahead "
-            "and keeps its speed: no speed run, acceleration or stop is recognised by it"
+            "and keeps its speed: no speed run, acceleration or stop is found by it"
         )
         remedy = "Turn its sign, with scale = -1.0 in the column map, unless it is the surge's that is wrong"
         start, end = index[np.flatnonzero(table[names[0]].notna())[[0, -1]]]

@@ -261,7 +261,7 @@ def standard_conditions(case: TrialCase, vessel: str) -> list[list[str]]:
         drifts = [run.current.as_json()["speed_mps"] for run in products.manoeuvres if run.current is not None]
         derived = run_sheet.Conditions(current_mps=max(drifts, default=None), length_m=case.length_of(name))
         conditions = recorded_conditions(products.recording.trial, products.table).completed_from(derived)
-        conditions = criteria.replace_by_shallower_water(
+        conditions = criteria.replace_by_worse_conditions(
             conditions, [run for run in products.manoeuvres if not run.not_counted]
         )
         for asked, shortfall in criteria.condition_shortfalls(conditions).items():

@@ -118,6 +118,37 @@ def test_a_criterion_is_shown_only_where_nothing_is_missing(changed: dict[str, f
     assert any(reason in missing for missing in missing_conditions_of_run(run, replace(FULLY_KNOWN, **changed)))
 
 
+def circling() -> pd.DataFrame:
+    """Straight on for five minutes, and a circle of ten."""
+    turned = np.maximum(np.arange(900.0) - 300.0, 0.0)
+    heading, helm = np.deg2rad(turned), np.where(turned > 0.0, 35.0, 0.0)
+    return pd.DataFrame(
+        {"north_m": np.cumsum(5.0 * np.cos(heading)), "east_m": np.cumsum(5.0 * np.sin(heading)),
+         "heading_deg": turned % 360.0, "rudder_angle_deg": helm},
+        pd.date_range("2026-06-01T08:00:00Z", periods=900, freq="1s", name="time"))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("stated", "before_mps", "during_mps", "force"),
+    [(3, 2.0, 12.0, 6), (6, 2.0, 5.0, 6), (3, 2.0, 5.0, 0), (None, 2.0, 12.0, 6)],
+)
+def test_the_wind_that_was_measured_in_a_run_counts_where_it_is_more_than_the_stated_one(
+    stated: int | None, before_mps: float, during_mps: float, force: int
+) -> None:
+    """However calm the rest of the recording was."""
+    calm = circling().iloc[:300].drop(columns="rudder_angle_deg")
+    earlier = [calm.set_axis(calm.index - pd.Timedelta(minutes=5 * count)) for count in range(1, 13)]
+    table = pd.concat([*earlier, circling()]).sort_index()
+    wind_mps = np.where(table.index < pd.Timestamp("2026-06-01T08:05:00Z"), before_mps, during_mps)
+    table = table.assign(wind_speed_mps=wind_mps, wind_direction_deg=20.0)
+    runs = find_manoeuvres(table, 100.0, conditions=replace(FULLY_KNOWN, beaufort=stated))
+    (run,) = (run for run in runs if run.kind == "turning_circle")
+    missing = [words for words in run.indices["advance_m"].missing if "wind" in words]
+    assert len(missing) == bool(force)
+    assert all(f"force {force}" in words for words in missing)
+    assert run.settings["wind_mps"] == pytest.approx(during_mps, abs=0.1)
+
+
 @pytest.mark.parametrize(
     ("stated_m", "below_m", "draught_m", "reason"),
     [
@@ -132,12 +163,7 @@ def test_the_depth_that_was_measured_in_a_run_counts_where_it_is_less_than_the_s
     stated_m: float | None, below_m: float | None, draught_m: float | None, reason: str
 ) -> None:
     """Four metres above a transducer; shallow water before the run, and a single wrong echo in it, do not count."""
-    turned = np.maximum(np.arange(900.0) - 300.0, 0.0)
-    heading, helm = np.deg2rad(turned), np.where(turned > 0.0, 35.0, 0.0)
-    table = pd.DataFrame(
-        {"north_m": np.cumsum(5.0 * np.cos(heading)), "east_m": np.cumsum(5.0 * np.sin(heading)),
-         "heading_deg": turned % 360.0, "rudder_angle_deg": helm},
-        pd.date_range("2026-06-01T08:00:00Z", periods=900, freq="1s", name="time"))  # fmt: skip
+    table = circling()
     if below_m is not None:
         below = np.where(np.arange(900) < 200, 12.0, np.where(np.arange(900) == 500, 2.0, below_m))
         table = table.assign(depth_below_transducer_m=below, depth_offset_m=4.0)

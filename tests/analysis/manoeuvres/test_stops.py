@@ -115,6 +115,14 @@ def test_a_stop_that_the_recording_does_not_hold_to_its_end_is_left_out_for_that
     assert stop.why.endswith("when the recording ended")
 
 
+def test_a_shaft_that_counts_astern_is_the_reason_why_there_is_no_stop() -> None:
+    table = sail(Ship(speed_time_s=100.0), lambda time_s, *_: (0.0, 120.0 if time_s < 100.0 else -60.0), 400.0)
+    runs, left_out = find_manoeuvres_and_left_out(table.assign(propeller_rpm=-table["propeller_rpm"]), 100.0)
+    assert not any(run.kind == "stopping" for run in runs)
+    assert "propeller_rpm counts astern" in left_out[0].why
+    assert not any("astern" in candidate.why for candidate in find_manoeuvres_and_left_out(table, 100.0)[1])
+
+
 def test_orders_that_come_after_the_shaft_show_nothing() -> None:
     ship, sailed, truth = stopped(0.0)
     late = np.append(np.full(400, sailed.rpm_order[0]), sailed.rpm_order)[: sailed.rpm_order.size]
