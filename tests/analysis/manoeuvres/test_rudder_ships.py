@@ -13,7 +13,7 @@ import pytest
 from seatrial.acquisition.core.errors import InputError
 from seatrial.acquisition.core.ship import Actuator, actuators_as_text
 from seatrial.acquisition.tables.import_table import read_table_file
-from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.manoeuvres.find import find_manoeuvres, find_manoeuvres_and_left_out
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import motion_of
 from tests.analysis.rudder_ships import MODEL, TWIN, Orders, Ship, sail, turn, zigzag
@@ -91,6 +91,19 @@ def test_going_astern_a_test_has_the_indices_of_its_course_and_no_limits(orders:
         assert other.value == pytest.approx(index.value, abs=within), name
     assert any(index.limit for index in ahead.indices.values())
     assert not any(index.limit for index in found.indices.values())
+
+
+def test_rudders_that_count_against_each_other_are_the_reason_why_there_is_no_turn() -> None:
+    table = sail(SHIPS["twin"], zigzag(20.0, 20.0, 120.0), 420.0)
+    runs, left_out = find_manoeuvres_and_left_out(
+        table.assign(port_rudder_angle_deg=-table["port_rudder_angle_deg"])
+    )
+    assert not any(run.kind == "zigzag" for run in runs)
+    assert "port_rudder_angle_deg counts to the wrong side" in left_out[0].why
+    both = table.assign(**{name: -table[name] for name in table if "rudder" in name})
+    runs, left_out = find_manoeuvres_and_left_out(both)
+    assert any(run.kind == "zigzag" for run in runs)
+    assert not any("wrong side" in candidate.why for candidate in left_out)
 
 
 def test_pitch_taken_off_a_shaft_that_runs_on_is_a_stop() -> None:
