@@ -50,7 +50,7 @@ LOG = logging.getLogger("seatrial.own")
 _MOST_STUCK = 12  # runs that hang or die: then the simulator is at fault, not the run
 _ALL_RUNS = 8  # so many runs or more that all fail are the simulator's fault
 _NAMED = 3  # runs named of each kind of failure
-_CLASS_BATCH, _VECTOR_BATCH = 512, 4096
+BATCH, _VECTOR_BATCH = 512, 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,12 +206,13 @@ def _simulator_of_class(name: str, file: Path, attribute: str) -> BlackBox:
     mapped = _map_of_class(factory, attribute, name, path)
     vectorised = bool(getattr(factory, "vectorised", False))
     code = file.read_bytes()
+    batch = _VECTOR_BATCH if vectorised else BATCH
     spec = SimulatorSpec(
         name, hashlib.sha256(code).hexdigest(),
         simulator_map.signals_of_map(mapped, mapped.actuators, path, complete=False),
         step_s=mapped.solver.step_s, vectorised=vectorised, patience_s=mapped.solver.patience_s,
         takes_acceleration="acceleration" in inspect.signature(factory.step).parameters,
-        batch=_VECTOR_BATCH if vectorised else _CLASS_BATCH,
+        batch=batch, instances=batch,
     )  # fmt: skip
     return black_box(name, spec, mapped, code, path)
 
@@ -287,17 +288,19 @@ Job = Callable[[Ints, RemoteRuns], None]
 
 
 def run_all(
-    model: BlackBox, count: int, job: Job, name_of: RunNames | None = None, *, may_fail: bool = False
-) -> Bools:
+    model: BlackBox, count: int, job: Job, name_of: RunNames | None = None, *, may_fail: bool = False,
+    goes_on: bool = False,
+) -> Bools:  # fmt: skip
     """Run a job on batches of so many runs; which of them [count] came back.
 
     The ``job`` is given the numbers of a batch's runs and the runs themselves. A run that hangs or takes its
     process with it is left out and the rest of its batch is done again; where it is not known which run that is,
     the batch is halved. Raises :class:`SourceError` where that happens again and again, or where all runs fail.
     Where runs ``may_fail``, as those of a model that is being adapted, all of them may, and nothing is logged.
+    A job that ``goes_on`` steps all runs of a batch side by side from where they are.
     """
     pool, failed, stuck = pool_of(model.spec), FailedRuns(model, count), 0
-    size = model.spec.batch * max(1, len(pool.workers(count)))
+    size = (model.spec.instances if goes_on else model.spec.batch) * max(1, len(pool.workers(count)))
     pending = [numbers for numbers in np.array_split(np.arange(count), max(1, -(-count // size))) if len(numbers)]
     while pending:
         numbers = pending.pop(0)
@@ -374,7 +377,8 @@ def simulate_black_box(
                 None if history is None else history.subset(numbers),
             )  # fmt: skip
 
-    came_back = run_all(model, count, job, name_of)
+    follows = push is not None or model.spec.signals.wind.is_of_motion  # its inputs follow from the last step
+    came_back = run_all(model, count, job, name_of, goes_on=follows or model.run_in_s is not None)
     states[~came_back, 1:] = np.nan
     states[:, 0] = start
     failed, valid = FailedRuns(model, count), np.asarray(np.isfinite(states).all(axis=2))

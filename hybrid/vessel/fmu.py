@@ -35,7 +35,7 @@ _UNITS = {"1/s": "rps", "rev/s": "rps", "r/s": "rps", "rad": "rad", "Hz": "Hz", 
 
 def load_fmu(file: Path) -> BlackBox:
     """The model of an FMU with the map beside it. Raises :class:`ConfigurationError` and :class:`InputError`."""
-    from seatrial.hybrid.vessel.black_box import black_box
+    from seatrial.hybrid.vessel.black_box import BATCH, black_box
 
     fmpy = require_fmpy()
     try:
@@ -56,11 +56,14 @@ def load_fmu(file: Path) -> BlackBox:
     mapped = simulator_map.read_map(path)
     digest = hashlib.sha256(content).hexdigest()
     solver, once = mapped.solver, description.coSimulation.canBeInstantiatedOnlyOncePerProcess
+    instances = 1 if once else solver.instances
+    keeps_nothing = solver.start == "reset" and solver.step_s is None  # from one step of a filter to the next
     spec = SimulatorSpec(
         str(file), digest, simulator_map.signals_of_map(mapped, mapped.actuators, path, complete=True),
         step_s=solver.step_s, settable=solver.start == "set", patience_s=solver.patience_s,
         takes_acceleration=mapped.acceleration is not None,
-        batch=1 if once else solver.instances, fmu=_variables_of(description, mapped, path),
+        batch=BATCH if keeps_nothing else instances, instances=instances,
+        fmu=_variables_of(description, mapped, path),
     )  # fmt: skip
     return black_box(str(file), spec, mapped, content, path, run_in=solver.start == "run_in")
 

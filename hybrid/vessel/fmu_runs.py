@@ -1,22 +1,27 @@
-"""Runs of an FMU in the process of a simulator, by FMPy. It imports nothing that compiles, to start quickly."""
+"""Runs of an FMU in the process of a simulator, by FMPy. It imports nothing that compiles, to start quickly.
+
+A step of a compiled model takes some microseconds, and a filter starts it anew in each second of thousands of runs.
+So the functions of the standards are called with arguments made once: FMPy's lists cost more than such a step.
+"""
 
 from __future__ import annotations
 
 import atexit
 import shutil
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from ctypes import POINTER, c_double, c_uint32
+from ctypes import POINTER, byref, c_bool, c_double, c_int, c_uint32
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.vessel.signals import HEADING, STATES, SURGE, SWAY
-from seatrial.hybrid.vessel.simulator_process import Beacon, SimulatorSpec, raised_text, run_step_by_step
+from seatrial.hybrid.vessel.simulator_process import Beacon, SimulatorSpec, raised_text
 from seatrial.hybrid.vessel.step_lengths import LONGEST_STEP_S, steps_per_second
 
 INSTALL = "pip install 'seatrial[fmu]'"
@@ -49,87 +54,78 @@ def read_description(file: Path) -> Any:
     return description
 
 
-class _Numbers:
+class _Values:
     """Some variables of an instance, and room for their values that the FMU reads and writes itself."""
 
-    __slots__ = ("_count", "_pointer", "_references", "values")
+    __slots__ = ("arguments", "values")
 
-    def __init__(self, references: Iterable[int]) -> None:
+    def __init__(self, references: Iterable[int], *, third: bool) -> None:
         numbers = tuple(references)
         self.values = np.zeros(len(numbers))
-        self._references, self._count = (c_uint32 * len(numbers))(*numbers), len(numbers)
-        self._pointer = self.values.ctypes.data_as(POINTER(c_double))
-
-    def write(self, slave: Any, values: Any) -> None:
-        """Set the variables."""
-        if self._count:
-            self.values[:] = values
-            slave.set_numbers(self._references, self._count, self._pointer)
-
-    def read(self, slave: Any) -> Floats:
-        """Get the variables."""
-        slave.get_numbers(self._references, self._count, self._pointer)
-        return self.values
+        pointer = self.values.ctypes.data_as(POINTER(c_double))
+        counted = [len(numbers)] if third else []
+        self.arguments = (c_uint32 * len(numbers))(*numbers), len(numbers), pointer, *counted
 
 
 class _Slave:
-    """One instance of an FMU, through the standard's own functions: FMPy's lists cost more than many a step."""
+    """One instance of an FMU, through the standard's own functions."""
 
-    def __init__(self, description: Any, folder: str, name: str) -> None:
+    def __init__(self, description: Any, folder: str, name: str, switches: Iterable[tuple[int, bool]]) -> None:
         from fmpy import fmi2, fmi3
 
-        self.is_third = str(description.fmiVersion).startswith("3.")
-        kind = fmi3.FMU3Slave if self.is_third else fmi2.FMU2Slave
-        self._fmu = kind(
+        third = is_of_fmi_3(description)
+        self._fmu = (fmi3.FMU3Slave if third else fmi2.FMU2Slave)(
             guid=description.guid, unzipDirectory=folder, instanceName=name,
             modelIdentifier=description.coSimulation.modelIdentifier, requireFunctions=False,
         )  # fmt: skip
         self._fmu.instantiate()
-        functions = self._fmu._functions
-        prefix = "fmi3" if self.is_third else "fmi2"
-        number = "Float64" if self.is_third else "Real"
-        self._set, self._get = functions[f"{prefix}Set{number}"], functions[f"{prefix}Get{number}"]
-        self._step = functions[f"{prefix}DoStep"]
         self.time_s = 0.0
+        functions, component = self._fmu._functions, self._fmu.component
 
-    def set_numbers(self, references: Any, count: int, pointer: Any) -> None:
-        """Set values."""
-        extra = (count,) if self.is_third else ()
-        self._require(self._set(self._fmu.component, references, count, pointer, *extra), "set a variable")
+        def function(name: str, *arguments: Any) -> Callable[..., int]:
+            return partial(functions[f"fmi{3 if third else 2}{name}"], component, *arguments)
 
-    def get_numbers(self, references: Any, count: int, pointer: Any) -> None:
-        """Get values."""
-        extra = (count,) if self.is_third else ()
-        self._require(self._get(self._fmu.component, references, count, pointer, *extra), "return its state")
+        boolean, counted = (c_bool, (1,)) if third else (c_int, ())
+        self._begin = [] if third else [function("SetupExperiment", 0, 0.0, 0.0, 0, 0.0)]
+        self._begin += [
+            function("SetBoolean", (c_uint32 * 1)(reference), 1, (boolean * 1)(value), *counted)
+            for reference, value in switches
+        ]
+        self._enter = function("EnterInitializationMode", *([False, 0.0, 0.0, False, 0.0] if third else []))
+        self._exit = function("ExitInitializationMode")
+        number = "Float64" if third else "Real"
+        self._set, self._get, self._step = (function(f"Set{number}"), function(f"Get{number}"), function("DoStep"))
+        flags = (c_bool(), c_bool(), c_bool(), c_double())  # of an event, of an end, of an early return, its time
+        self._of_step = (True, *(byref(flag) for flag in flags)) if third else (1,)
+
+    def write(self, variables: _Values, values: Any) -> None:
+        """Set variables."""
+        if len(variables.values):
+            variables.values[:] = values
+            _require(self._set(*variables.arguments), "set a variable")
+
+    def read(self, variables: _Values) -> Floats:
+        """Get variables; the array is that of the next reading, too."""
+        _require(self._get(*variables.arguments), "return its state")
+        return variables.values
 
     def reset(self) -> None:
         """Go back to before initialisation."""
         self._fmu.reset()
-        self.time_s = 0.0
 
-    def initialise(
-        self, before: tuple[_Numbers, Floats], inside: tuple[_Numbers, Floats],
-        switches: Iterable[tuple[int, bool]] = (),
-    ) -> None:  # fmt: skip
-        """Initialise, with values and ``switches`` set ``before`` that and values ``inside`` it."""
-        if not self.is_third:
-            self._fmu.setupExperiment(startTime=0.0)
-        for reference, value in switches:
-            self._fmu.setBoolean([reference], [value])
-        numbers, values = before
-        numbers.write(self, values)
-        self._fmu.enterInitializationMode(*([] if not self.is_third else [None, 0.0]))
-        numbers, values = inside
-        numbers.write(self, values)
-        self._fmu.exitInitializationMode()
+    def initialise(self, before: tuple[_Values, Floats], inside: tuple[_Values, Floats]) -> None:
+        """Initialise, with the switches and values set ``before`` that and values ``inside`` it."""
+        for begin in self._begin:
+            _require(begin(), "set a switch")
+        self.write(*before)
+        _require(self._enter(), "initialise")
+        self.write(*inside)
+        _require(self._exit(), "initialise")
         self.time_s = 0.0
 
     def step(self, dt_s: float) -> None:
         """Step by ``dt_s``."""
-        if self.is_third:
-            self._fmu.doStep(self.time_s, dt_s)
-        else:
-            self._require(self._step(self._fmu.component, self.time_s, dt_s, 1), "step")
+        _require(self._step(self.time_s, dt_s, *self._of_step), "step")
         self.time_s += dt_s
 
     def free(self) -> None:
@@ -139,14 +135,20 @@ class _Slave:
         with suppress(Exception):
             self._fmu.freeInstance()
 
-    @staticmethod
-    def _require(status: int, what: str) -> None:
-        if status > 1:  # ok and warning
-            raise RuntimeError(f"could not {what} (FMI status {status})")
+
+def is_of_fmi_3(description: Any) -> bool:
+    """Whether an FMU is of FMI 3.0, else of 2.0."""
+    return str(description.fmiVersion).startswith("3.")
+
+
+def _require(status: int, what: str) -> None:
+    if status > 1:  # ok and warning
+        raise RuntimeError(f"could not {what} (FMI status {status})")
 
 
 class FmuRuns:
-    """Runs of an FMU: an instance for each."""
+    """Runs of an FMU: an instance for each of those that go on side by side. Those that start anew before each
+    step, or sail one after the other, may be more than the instances."""
 
     def __init__(self, spec: SimulatorSpec, beacon: Beacon) -> None:
         fmpy = require_fmpy()
@@ -155,59 +157,72 @@ class FmuRuns:
         self._description = read_description(Path(spec.source))
         self._folder = fmpy.extract(spec.source)
         atexit.register(shutil.rmtree, self._folder, ignore_errors=True)
-        self._slaves: list[_Slave | None] = []
-        variables = spec.fmu
-        self._state, self._start = _Numbers(variables.state), _Numbers(variables.start)
+        self._slaves: list[_Slave | None] = [None] * spec.instances
+        variables, values = spec.fmu, partial(_Values, third=is_of_fmi_3(self._description))
         own_step = () if variables.own_step is None else (variables.own_step,)
         constants = [reference for reference, _ in variables.parameters]
-        self._before = _Numbers([*constants, *variables.start, *own_step])
-        self._inputs = _Numbers([*variables.control, *variables.wind, *variables.acceleration])
+        self._state, self._start = values(variables.state), values(variables.start)
+        self._before = values([*constants, *variables.start, *own_step])
+        self._inputs = values([*variables.control, *variables.wind, *variables.acceleration])
         self._checked = not variables.start
         self.failures: dict[int, str] = {}
 
     def start(self, states: Floats, controls: Floats, wind: Floats) -> None:
-        self.failures, self._steps = {}, 0
-        self._slaves += [None] * (len(states) - len(self._slaves))
-        before, inputs = self._before_start(states, in_filter=False), self._inputs_of(controls, wind, None)
-        for number in np.flatnonzero(np.isfinite(states).all(axis=1)).tolist():
-            self._start_one(number, states[number], before[number], inputs[number])
+        self.failures, self._steps = {}, 0  # an FMU is started where it first steps
 
     def step(self, states: Floats, controls: Floats, wind: Floats, dt_s: float, changed: bool,
              acceleration: Floats | None) -> Floats:  # fmt: skip
         self._refuse_broken_step(dt_s)
-        self._steps += 1
+        is_first, self._steps = self._steps == 0, self._steps + 1
+        is_set = changed and self._spec.settable and not is_first
+        is_started = is_first or (changed and not is_set and bool(self._variables.start))
         later, inputs = np.full_like(states, np.nan), self._inputs_of(controls, wind, acceleration)
-        is_set = changed and self._spec.settable
-        is_started = changed and not is_set and bool(self._variables.start)
-        before = self._before_start(states, in_filter=acceleration is not None) if is_started else None
+        in_filter = acceleration is not None and not self._spec.settable
+        before = self._before_start(states, in_filter=in_filter) if is_started else None
         for number in np.flatnonzero(np.isfinite(states).all(axis=1)).tolist():
             if number in self.failures:
                 continue
-            if before is not None:
-                self._start_one(number, states[number], before[number], inputs[number])
-            slave = self._slaves[number]
-            if slave is None:
-                continue
             self._beacon(number, self._steps)
             try:
-                if is_set:
-                    self._start.write(slave, self._starts_of(states[number]))
-                if before is None:
-                    self._inputs.write(slave, inputs[number])
+                if before is not None:
+                    slave = self._started(number, states[number], before[number], inputs[number])
+                else:
+                    slave = cast("_Slave", self._slaves[number % len(self._slaves)])
+                    if is_set:
+                        slave.write(self._start, self._starts_of(states[number]))
+                    slave.write(self._inputs, inputs[number])
                 slave.step(dt_s)
-                later[number] = self._state.read(slave)
+                later[number] = slave.read(self._state)
             except Exception as error:  # an FMU may fail in every possible way
                 self._fail(number, error)
         return later
 
     def run(self, states: Floats, controls: Floats, wind: Floats, dt_s: float, count: int) -> Floats:
-        return run_step_by_step(self, states, controls, wind, dt_s, count)
+        self._refuse_broken_step(dt_s)
+        result = np.full((len(states), controls.shape[1], 6), np.nan)
+        inputs, before = self._inputs_of(controls, wind, None), self._before_start(states, in_filter=False)
+        for number in np.flatnonzero(np.isfinite(states).all(axis=1)).tolist():
+            self._beacon(number, 1)
+            try:
+                slave = self._started(number, states[number], before[number], inputs[number, 0])
+                for place, values in enumerate(inputs[number]):
+                    slave.write(self._inputs, values)
+                    for part in range(1, count + 1):
+                        self._beacon(number, place * count + part)
+                        slave.step(dt_s)
+                    result[number, place] = slave.read(self._state)
+                    if not np.isfinite(self._state.values).all():
+                        break
+            except Exception as error:
+                self._fail(number, error)
+        return result
 
     def _inputs_of(self, controls: Floats, wind: Floats, acceleration: Floats | None) -> Floats:
-        """What the inputs of each run are set to [N, inputs]; without an acceleration it is zero."""
+        """What the inputs of each run are set to [..., inputs]; without an acceleration it is zero."""
+        width = len(self._variables.acceleration)
         if acceleration is None:
-            acceleration = np.zeros((len(controls), len(self._variables.acceleration)))
-        return np.hstack([controls, wind, acceleration[:, : len(self._variables.acceleration)]])
+            acceleration = np.zeros((*controls.shape[:-1], width))
+        return np.concatenate([controls, wind, acceleration[..., :width]], axis=-1)
 
     def _starts_of(self, states: Floats) -> Floats:
         """States [..., 6] in the units of the variables that runs start with."""
@@ -237,29 +252,28 @@ class FmuRuns:
                 fix="export it with a step that divides a quarter of a second, such as 0.05 s",
             )  # fmt: skip
 
-    def _start_one(self, number: int, state: Floats, before: Floats, inputs: Floats) -> None:
-        self._beacon(number, self._steps)
-        try:
-            slave = self._slaves[number]
-            if slave is not None:
-                try:
-                    slave.reset()
-                except Exception:  # not every exporter has written it
-                    slave.free()
-                    slave = None
-            if slave is None:
-                slave = self._slaves[number] = _Slave(self._description, self._folder, f"run{number}")
-            slave.initialise((self._before, before), (self._inputs, inputs), self._variables.switches)
-        except Exception as error:
-            self._fail(number, error)
-            return
+    def _started(self, number: int, state: Floats, before: Floats, inputs: Floats) -> _Slave:
+        """The instance of a run, started in a state."""
+        place = number % len(self._slaves)
+        slave = self._slaves[place]
+        if slave is not None:
+            try:
+                slave.reset()
+            except Exception:  # not every exporter has written it
+                slave.free()
+                slave = None
+        if slave is None:
+            switches = self._variables.switches
+            slave = self._slaves[place] = _Slave(self._description, self._folder, f"run{place}", switches)
+        slave.initialise((self._before, before), (self._inputs, inputs))
         if not self._checked:
             self._refuse_other_start(slave, state)
             self._checked = True
+        return slave
 
     def _refuse_other_start(self, slave: _Slave, state: Floats) -> None:
         """Raise :class:`ConfigurationError` where the FMU did not start in the state that it was given."""
-        difference = self._state.read(slave) - state
+        difference = slave.read(self._state) - state
         turn = 2.0 * np.pi / abs(self._spec.signals.state.scale[HEADING])
         difference[HEADING] -= turn * np.round(difference[HEADING] / turn)
         wrong = np.flatnonzero(np.abs(difference) > _START_TOLERANCE * (1.0 + np.abs(state)))
@@ -272,7 +286,11 @@ class FmuRuns:
             )  # fmt: skip
 
     def _fail(self, number: int, error: Exception) -> None:
+        """Note why a run failed, and release its instance. Raises what ends all of them."""
+        if isinstance(error, ConfigurationError):
+            raise error
         self.failures[number] = raised_text(error)
-        slave, self._slaves[number] = self._slaves[number], None
+        place = number % len(self._slaves)
+        slave, self._slaves[place] = self._slaves[place], None
         if slave is not None:
             slave.free()

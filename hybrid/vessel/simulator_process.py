@@ -70,7 +70,8 @@ class SimulatorSpec:
     ``source`` is ``FILE.py:CLASS`` or ``FILE.fmu``, with the SHA-256 of that file. Its own time step is ``step_s``
     at most, if it has one. A simulator that is ``vectorised`` steps all runs of a batch at once.
     It is ``settable`` if its state can be set before any step, else only when it starts. ``patience_s`` is the
-    longest time that one step may take, ``batch`` how many runs one process holds.
+    longest time that one step may take, ``batch`` how many runs one process is given at once, of which it can have
+    ``instances`` going on side by side.
     """
 
     source: str
@@ -82,6 +83,7 @@ class SimulatorSpec:
     takes_acceleration: bool = False
     patience_s: float = 30.0
     batch: int = 512
+    instances: int = 512
     fmu: FmuVariables | None = None
 
 
@@ -110,7 +112,7 @@ class SimulatorRuns(Protocol):
 
     def run(self, states: Floats, controls: Floats, wind: Floats, dt_s: float, count: int) -> Floats:
         """The states [N, K, 6] from the ones begun with, each after ``count`` steps of ``dt_s`` under controls
-        [N, K, controls] and wind [N, K, ...]."""
+        [N, K, controls] and wind [N, K, ...]. There may be more of them than instances."""
 
 
 Beacon = Callable[[int, int], None]

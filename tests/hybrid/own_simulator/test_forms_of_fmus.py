@@ -11,7 +11,7 @@ import pytest
 import seatrial as st
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.calibrators.adaptive import run_observer
+from seatrial.hybrid.calibrators.adaptive import adapt_simulator, run_observer
 from seatrial.hybrid.diagnosis.linearise import Linearisation, linearise, model_of
 from seatrial.hybrid.diagnosis.log import log_of
 from seatrial.hybrid.effects import catalogue_of
@@ -76,6 +76,21 @@ def test_adapted_fmu_is_the_adapted_class(
     expected = run_observer(vector_of(sailer, **adapted), sailer, observed)
     for ours, theirs in zip(expected, run_observer(vector_of(model, **adapted), model, observed), strict=True):
         np.testing.assert_allclose(theirs, ours, atol=1e-6)
+
+
+def test_one_instance_serves_all_runs(shipyard: Path, sailer: BlackBox, observed: Observations) -> None:
+    """Filtered, predicted, and pushed on its way: runs that share an instance know nothing of each other."""
+    file = fmus.build_fmu(shipyard, 2, name="single")
+    file.with_suffix(".toml").write_text(fmus.SHIP + fmus.MAP + "\n[solver]\ninstances = 1\n")
+    model, adapted = st.load_simulator(file), {"surge_drag_pm": 0.7, "constant_N_nm": 0.5}
+    start, control, wind = observed.past[:, 0, :6], observed.control, observed.wind
+    for vector in (vector_of(sailer), vector_of(sailer, **adapted)):
+        expected = run_observer(vector, sailer, observed)
+        for ours, theirs in zip(expected, run_observer(vector, model, observed), strict=True):
+            np.testing.assert_allclose(theirs, ours, atol=1e-6)
+        pair = (simulate_batch(adapt_simulator(vector, one), start, control, wind, 1.0) for one in (sailer, model))
+        ours, theirs = (simulated.states for simulated in pair)
+        np.testing.assert_allclose(theirs, ours, atol=1e-9)
 
 
 def linearised(recording: Path, model: BlackBox) -> Linearisation:
