@@ -31,6 +31,8 @@ _NUMBERS = ("Real", "Float64")
 _ALLOWED_BEFORE = ("exact", "approx")
 _UNITS = {"1/s": "rps", "rev/s": "rps", "r/s": "rps", "rad": "rad", "Hz": "Hz", "1": "", "": "", "-": ""}
 """Names of units in FMUs that are not ours."""
+_PURE = ("%", "ratio")
+"""Units that state nothing but a share of something."""
 
 
 def load_fmu(file: Path) -> BlackBox:
@@ -87,7 +89,8 @@ def _variables_of(description: Any, mapped: SimulatorMap, path: Path) -> FmuVari
         stated, unit, key = unit_of(variable), entry.unit, "unit"
         if role == "start" and name != entry.variable:
             unit, key = entry.start_unit or unit, "start_unit"
-        if stated and stated != canonical_unit(unit):
+        size, plain = simulator_map.split_unit(unit)
+        if stated and stated != canonical_unit(plain) and not (size and stated in _PURE):
             why = f"the FMU states {stated} for {variable.name}"
             simulator_map.map_error(path, [*keys, key], f"is {unit!r}", f"write {stated}", why)
         return int(variable.valueReference)

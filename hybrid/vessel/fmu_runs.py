@@ -141,9 +141,21 @@ def is_of_fmi_3(description: Any) -> bool:
     return str(description.fmiVersion).startswith("3.")
 
 
+class RefusedCallError(Exception):
+    """An FMU answered a call with an error."""
+
+
+_STATUS = {2: "discard", 3: "error", 4: "fatal", 5: "pending"}
+_ADVICE = {
+    "initialise": ": a number that it needs is set in [parameters] of its map",
+    "step": ": if it takes steps of one length alone, that is fixed_step_s in [solver] of its map",
+}
+
+
 def _require(status: int, what: str) -> None:
     if status > 1:  # ok and warning
-        raise RuntimeError(f"could not {what} (FMI status {status})")
+        answer = _STATUS.get(status, str(status))
+        raise RefusedCallError(f"could not {what} (FMI status {answer}){_ADVICE.get(what, '')}")
 
 
 class FmuRuns:
@@ -289,7 +301,7 @@ class FmuRuns:
         """Note why a run failed, and release its instance. Raises what ends all of them."""
         if isinstance(error, ConfigurationError):
             raise error
-        self.failures[number] = raised_text(error)
+        self.failures[number] = str(error) if isinstance(error, RefusedCallError) else raised_text(error)
         place = number % len(self._slaves)
         slave, self._slaves[place] = self._slaves[place], None
         if slave is not None:

@@ -30,6 +30,11 @@ _WORDS = {
     "yaw_rate": {"r", "rot", "yawrate", "turn"},
 }  # fmt: skip
 """The words by which a state is recognised, in its name or description."""
+_MEANINGS = {
+    "north": "position to north", "east": "position to east", "latitude": "latitude", "longitude": "longitude",
+    "heading": "heading", "surge": "speed along the bow, not to north or along the course",
+    "sway": "speed across the bow, not to east", "yaw_rate": "rate at which the heading turns",
+}  # fmt: skip
 _NOT = {"heading": {"rate", "rot", "moment", "torque"}, "north": {"wind"}, "east": {"wind"}}
 _START = re.compile(r"(?:start[_.](?P<after>.+)|(?P<before>.+?)[_.]?(?:0|start|init|initial))$", re.IGNORECASE)
 _CHANNEL = re.compile(r"(.+?)(?:_order)?_(?:rpm|angle_deg|pitch_percent)$")
@@ -40,6 +45,15 @@ _WIND_SAYS = {
     "positive": {r"(?<!counter)(?<!counter-)\bclockwise": "starboard"}, "frame": {"from true north": "true"},
 }  # fmt: skip
 """What the description of a wind direction may say of it."""
+_STATE_SAYS = {
+    "zero": {r"from (?:true )?north": "north", r"from east": "east"},
+    "positive": {
+        r"(?:positive|to) (?:to )?(?:starboard|clockwise)|(?<!counter)(?<!counter-)(?<!anti)(?<!anti-)\bclockwise":
+            "starboard",
+        r"(?:positive|to) (?:to )?port|(?:counter|anti)-?clockwise": "port",
+    },
+}  # fmt: skip
+"""What the description of a heading, sway or yaw rate may say of its zero and its positive side."""
 _DRIVES = "with_drives"
 """The switch of FMUs that `vessel export` makes: whether controls are orders, which drives follow."""
 _KINDS = {"rudder": {"rudder", "helm", "delta"}, "propeller": {"propeller", "prop", "shaft", "engine", "n", "rpm"}}
@@ -47,11 +61,11 @@ _SHAFT = {"limit": ("limit_rpm", "rpm"), "lag_s": ("shaft_lag_s", "s")}
 _DRIVE_FIELDS = {"rps": _SHAFT, "rpm": _SHAFT, "pitch": {"lag_s": ("pitch_lag_s", "s")}}
 """By control other than an angle: what of a drive's numbers a map calls how, and its unit."""
 _LARGE = 1e29  # what an FMU has for no limit
-AXES = {
+_PORT = {"positive": "port"}
+AXES: Mapping[str, Mapping[str, Mapping[str, str]]] = {
     "ned": {},
-    "enu": {"heading": 'zero = "east", positive = "port"', "sway": 'positive = "port"',
-            "yaw_rate": 'positive = "port"'},
-}  # fmt: skip
+    "enu": {"heading": {"zero": "east", **_PORT}, "sway": _PORT, "yaw_rate": _PORT},
+}
 """Two usual sets of conventions, and what of them is not ours."""
 
 
@@ -198,7 +212,7 @@ class _Draft:
                 continue
             self._states[name] = variable.name
             unit = self._unit(f"state.{name}", variable, {**STATES, **simulator_map.GEODETIC}[name])
-            parts = [*_signal_lines(variable, unit), AXES.get(axes, {}).get(name, "")]
+            parts = [*_signal_lines(variable, unit), *self._convention_lines(variable, name, axes)]
             start = self._start_of(variable, name)
             self._starts[name] = start
             if start and start != variable.name:
@@ -212,6 +226,22 @@ class _Draft:
             values = [self._answer(key, "that of the recordings' north and east, in deg") for key in keys]
             origin = f"\n[origin]\nlatitude_deg = {values[0]}\nlongitude_deg = {values[1]}\n"
         return "[state]\n" + "\n".join(lines) + "\n" + origin
+
+    def _convention_lines(self, variable: Any, name: str, axes: str) -> list[str]:
+        """Where a state is zero and which side is positive: as answered, as its description says, by the axes."""
+        conventions = dict(AXES.get(axes, {}).get(name, {}))
+        keys = {"heading": ("zero", "positive"), "sway": ("positive",), "yaw_rate": ("positive",)}
+        for key in keys.get(name, ()):
+            usual = {"zero": "north", "positive": "starboard"}[key]
+            stated = _stated(variable, _STATE_SAYS[key])
+            said = self._given(f"state.{name}.{key}") or stated or conventions.get(key, usual)
+            if axes and said != conventions.get(key, usual):
+                why = "as its description says" if said == stated else "as answered"
+                self.proposal.reasons.append(f"state.{name}.{key} is {said}, {why}")
+            conventions[key] = said
+            if said == usual:
+                del conventions[key]
+        return [f'{key} = "{value}"' for key, value in conventions.items()]
 
     def _stated_axes(self) -> str:
         if axes := self._given("axes"):
@@ -256,15 +286,16 @@ class _Draft:
             return variable
         unit = {**STATES, **simulator_map.GEODETIC}[name]
         choices = candidates or [output for output in self._outputs if _is_unit_like(fmu.unit_of(output), unit)]
-        listed = "; ".join(_label_of(variable) for variable in choices[:10]) or "there is no output"
-        self._answer(key, f"which output is it? {listed}")
+        listed = "; ".join(_label_of(variable) for variable in choices[:10])
+        listed = listed or f"there is none in {unit} or alike: export the FMU with one"
+        self._answer(key, f"which output is the {_MEANINGS[name]}? {listed}")
         return None
 
     def _unit(self, key: str, variable: Any, like: str) -> str:
         unit = fmu.unit_of(variable) or self._given(f"{key}.unit")
-        return unit or self._answer(
-            f"{key}.unit", f"the unit of {variable.name}, as {like}, which the FMU does not state"
-        )
+        share = f"; '300 {like}' where 1 is that much" if key.startswith("control.") else ""
+        question = f"the unit of {variable.name}, as {like}, which the FMU does not state{share}"
+        return unit or self._answer(f"{key}.unit", question)
 
     def _start_of(self, variable: Any, name: str) -> str:
         """What a state starts with: itself where that can be set, else the parameter called like it."""
@@ -286,6 +317,7 @@ class _Draft:
         for key in [key for key in self.answers if key.startswith("actuator.")]:
             kinds[key.removeprefix("actuator.")] = self._given(key)
         are_named = bool(kinds)
+        winds = {value for key, value in self.answers.items() if key.startswith("wind.")}
         if not are_named:
             controls = self._described_channels(kinds)
         for variable in self._inputs:
@@ -297,7 +329,7 @@ class _Draft:
                 kind for kind, known in _KINDS.items()
                 if words & known and _is_unit_like(unit, "deg" if kind == "rudder" else "rpm")
             ]  # fmt: skip
-            if are_named or self._given(f"input.{variable.name}") == "none":
+            if are_named or variable.name in winds or self._given(f"input.{variable.name}") == "none":
                 continue
             if len(recognised) == 1 and recognised[0] not in kinds.values():
                 kinds[recognised[0]] = recognised[0]
@@ -308,7 +340,8 @@ class _Draft:
                 self._answer(
                     f"input.{variable.name}",
                     f"{_label_of(variable)} is an input: name actuators with actuator.NAME=KIND and the input of "
-                    "each of their channels with control.CHANNEL=INPUT, or say none",
+                    "each of their channels with control.CHANNEL=INPUT, or wind.direction=INPUT and wind.speed="
+                    "INPUT (or wind.north, wind.east), or say none: it stays at its start",
                 )
         try:
             actuators = ship.check_actuators(ship.Actuator(name, kind) for name, kind in kinds.items())
@@ -382,15 +415,20 @@ class _Draft:
     def wind_table(self) -> str:
         """The wind, if the FMU has any."""
         winds = [v for v in self._inputs if "wind" in words_of(v.name) | words_of(str(v.description or ""))]
-        found = dict[str, Any]()
-        for variable in winds:
+        found = {
+            name: self._variable(f"wind.{name}", answer)
+            for form in simulator_map.WINDS.values() for name in form if (answer := self._given(f"wind.{name}"))
+        }  # fmt: skip
+        for variable in winds if not found else ():
             words, unit = words_of(variable.name) | words_of(str(variable.description or "")), fmu.unit_of(variable)
             part = next((name for name in ("north", "east") if name in words), None)
             is_angle = unit in ("deg", "rad") or bool(words & {"direction", "dir", "angle", "from", "to"})
             is_angle = is_angle and not (unit and _is_unit_like(unit, "m/s"))
             found["direction" if is_angle and (unit or not part) else part or "speed"] = variable
-        if not winds:
-            self.proposal.reasons.append("no wind, as no input is called so")
+        if not found:
+            self.proposal.reasons.append(
+                "no wind, as no input is called so; wind.direction=INPUT and so on if one is"
+            )
             return ""
         lines = []
         for name, variable in found.items():
@@ -408,9 +446,7 @@ class _Draft:
 
     def _stated_of_wind(self, variable: Any, key: str) -> str:
         """What the description of a wind direction says, unless the answer is given."""
-        text = str(variable.description or "")
-        stated = [value for pattern, value in _WIND_SAYS[key].items() if re.search(pattern, text)]
-        return stated[0] if len(stated) == 1 and f"wind.direction.{key}" not in self.answers else ""
+        return "" if f"wind.direction.{key}" in self.answers else _stated(variable, _WIND_SAYS[key])
 
     def _extra_accelerations(self) -> dict[str, str]:
         """The inputs for what the simulator lacks per mass, by axis; none unless there is one for each."""
@@ -460,6 +496,13 @@ class _Draft:
             self.proposal.reasons.append(f"solver.fixed_step_s = {float(fixed_s):g}, {why}")
             return f"[solver]\nfixed_step_s = {float(fixed_s):g}\n"
         return ""
+
+
+def _stated(variable: Any, says: Mapping[str, str]) -> str:
+    """The one convention of which a variable's description has the words; empty for none and several."""
+    text = str(variable.description or "").lower()
+    stated = [value for pattern, value in says.items() if re.search(pattern, text)]
+    return stated[0] if len(stated) == 1 else ""
 
 
 def _fields_of_angle(kind: str) -> dict[str, tuple[str, str]]:

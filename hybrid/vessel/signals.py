@@ -142,6 +142,30 @@ class BodyPush:
 NO_PUSH = BodyPush((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
+_PLAUSIBLE = {"surge": (0.6, 1.6), "sway": (0.4, 2.5), "yaw_rate": (0.6, 1.6)}
+"""What the poses of a sound simulator may change by, in what its speeds say: a rough method of integration and a
+current of its own change that by some tenths. Mistaken knots, degrees, sides and axes are beyond."""
+_LEAST = {"surge": 0.2, "sway": 0.1, "yaw_rate": 0.005}
+"""Root mean squares of speeds [m/s, m/s, rad/s] below which nothing is said."""
+
+
+def contradictions(states: Floats, dt_s: float) -> list[str]:
+    """Which speeds of a simulator are not those at which its poses change, over states [N, K+1, 6] that are
+    ``dt_s`` apart: a sentence each. Where a variable, unit or side is mistaken, they differ by a factor."""
+    change, mean = np.diff(states, axis=1), 0.5 * (states[:, 1:] + states[:, :-1])
+    valid = np.isfinite(change).all(axis=2)
+    change, mean = change[valid], mean[valid]
+    moved = (*rotate_earth_to_ship(change[:, 0], change[:, 1], mean[:, HEADING]), change[:, HEADING])
+    sentences = []
+    for (name, (low, high)), moves, speed in zip(_PLAUSIBLE.items(), moved, mean[:, SURGE:].T, strict=True):
+        power = float(speed @ speed)
+        factor = float(moves @ speed) / (power * dt_s) if power > len(speed) * _LEAST[name] ** 2 else 1.0
+        if not low < factor < high:
+            sentences.append(f"its {'heading turns' if name == 'yaw_rate' else 'position moves'} by {factor:.2g} "
+                             f"times what its {name.replace('_', ' ')} says")  # fmt: skip
+    return sentences
+
+
 def wind_over_water(wind: Floats, current: tuple[float, float]) -> Floats:
     """The wind [..., 2] over ground as it is over water that moves north and east [m/s]."""
     if not any(current):

@@ -7,6 +7,7 @@ and actuators itself, and its map only says in which units and conventions it co
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf, pi
@@ -42,7 +43,7 @@ StartMode = Literal["set", "reset", "run_in"]
 
 @dataclass(frozen=True, slots=True)
 class SignalEntry:
-    """One signal: the ``variable`` of an FMU and its unit.
+    """One signal: the ``variable`` of an FMU and its unit, ``300 rpm`` where 1 is that much.
 
     ``positive`` is the side on which it is positive, where that is not ours; ``zero`` where a heading or a
     direction is zero. A wind direction goes by ``convention`` and ``frame``. ``start`` is the variable that a run
@@ -251,8 +252,9 @@ def _scale_and_offset(
     """Scale and offset from a signal to ours in SI."""
     if entry is None:
         return 1.0, 0.0
+    size, name = split_unit(entry.unit)
     try:
-        scale = quantities.unit_scale(unit, entry.unit) * in_si
+        scale = quantities.unit_scale(unit, name) * (size or 1.0) * in_si
     except ConfigurationError as error:
         map_error(path, [*keys, "unit"], f"is {entry.unit!r}, which does not measure it", error.fix)
     ours, opposite = _SIDES.get(quantity, ("", ""))
@@ -268,6 +270,16 @@ def _scale_and_offset(
     elif entry.zero != "north":
         map_error(path, [*keys, "zero"], "is not for this signal", "leave it out: headings and directions have one")
     return sign * scale, offset
+
+
+def split_unit(unit: str) -> tuple[float | None, str]:
+    """The number before a unit, None where it has none, and the unit.
+
+    >>> split_unit("300 rpm"), split_unit("deg/s")
+    ((300.0, 'rpm'), (None, 'deg/s'))
+    """
+    number = re.fullmatch(r"(\d+(?:\.\d+)?) *([^\d\s].*)", unit)
+    return (float(number[1]), number[2]) if number else (None, unit)
 
 
 def _affine_signals(scales_and_offsets: list[tuple[float, float]]) -> AffineSignals:

@@ -18,6 +18,7 @@ import casadi
 import numpy as np
 import pandas as pd
 import pytest
+from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 from numba import njit
 from scipy.io import loadmat
@@ -25,7 +26,7 @@ from typer.testing import CliRunner
 
 import seatrial as st
 from seatrial.acquisition.core.errors import ConfigurationError
-from seatrial.acquisition.core.ship import rudder_names
+from seatrial.acquisition.core.ship import POSE_AND_VELOCITY, control_names, order_channel_name, rudder_names
 from seatrial.hybrid.effects import apply_effects, vessel_plant
 from seatrial.hybrid.export import fmu
 from seatrial.hybrid.export.deviations import StandardRun, step_by_step
@@ -286,6 +287,55 @@ def test_fmu_without_drives_sails_a_steered_zigzag_as_simulate(folder: Path) -> 
             sailing.order(controls)
             states.append(sailing.step(0.1))
     np.testing.assert_allclose(states, voyage.states, rtol=1e-6, atol=1e-9)
+
+
+_SHAFT = {"rps": 2.0 * np.pi, "rpm": np.pi / 30.0, "angle": 1.0}
+"""Controls in SI by the end of their labels: rad/s of shafts, rad of angles."""
+
+
+@pytest.mark.parametrize(("vessel_name", "fmi"), [("gunnerus_short", 3), ("esso_osaka_3m", 2)])
+def test_fmu_sails_as_the_simulator_for_one_who_knows_its_description_alone(
+    folder: Path, vessel_name: str, fmi: int
+) -> None:
+    """Each number in the unit that its variable states, by the factor to SI that the FMU gives of that unit: from
+    another start than zero, in wind, in steps of 0.3 and 0.7 s, with a push beside it."""
+    vessel, plant, _ = ship(vessel_name)
+    path = exported_fmu(folder, vessel_name, fmi)
+    description = read_model_description(str(path))
+    factor = {unit.name: float(unit.baseUnit.factor or 1.0) for unit in description.unitDefinitions}
+    in_si = {variable.name: factor.get(variable.unit, 1.0) for variable in description.modelVariables}
+    start = np.array([30.0, -20.0, 0.7, 0.4 * plant.surge_high_mps, 0.05, -0.01])
+    labels = control_labels(vessel.actuators)
+    control = np.array([0.2 if label.endswith("angle") else 3.0 for label in labels])
+    turning = control * [_SHAFT[label.rpartition("_")[2]] for label in labels]
+    wind, push = np.array([3.8, 9.0]), np.array([0.01, -0.004, 1e-4])
+    values = {
+        **{f"start_{name}": value for name, value in zip(POSE_AND_VELOCITY, start, strict=True)},
+        **dict(zip(map(order_channel_name, control_names(vessel.actuators)), turning, strict=True)),
+        **dict(zip(["wind_direction_deg", "wind_speed_mps"], wind, strict=True)),
+        **dict(zip([name for name in in_si if name.startswith("extra_acceleration")], push, strict=True)),
+    }
+    with fmu.fmu_instance(path) as (instance, references):
+        sailing = fmu.FmuShip(instance, references, vessel.actuators)
+        if fmi == 2:
+            instance.setupExperiment(startTime=0.0)
+        instance.setBoolean([references["with_drives"]], [False])
+        sailing.set([references[name] for name in values], [value / in_si[name] for name, value in values.items()])
+        instance.enterInitializationMode()
+        instance.exitInitializationMode()
+        states = []
+        for dt_s in (0.3,) * 10 + (0.7,) * 10:
+            sailing.step(dt_s)
+            stated = sailing.get([references[name] for name in POSE_AND_VELOCITY])
+            states.append(np.array(stated) * [in_si[name] for name in POSE_AND_VELOCITY])
+    (X, Y, N), p = push, plant
+    pushed = plant.shifted(
+        constant_X_n=(p.mass_kg - p.Xud) * X, constant_Y_n=(p.mass_kg - p.Yvd) * Y - p.Yrd * N,
+        constant_N_nm=(p.yaw_inertia_kgm2 - p.Nrd) * N - p.Yrd * Y,
+    )  # fmt: skip
+    sailed = dynamics.simulate_batch(pushed, start, np.tile(control, (100, 1)), np.tile(wind, (100, 1)), 0.1, 1)
+    expected = sailed.states[0, [*range(3, 31, 3), *range(37, 101, 7)]]
+    np.testing.assert_allclose(states, expected, rtol=1e-6, atol=1e-9)
 
 
 @pytest.fixture(params=[2, 3])
