@@ -234,9 +234,11 @@ _SPELLINGS_BY_UNIT: dict[str, str] = {
     "ft/s": "ft/s fps ft/sec feet/s",
     "deg/s": "deg/s °/s deg/sec dps deg_s-1 deg.s-1 grad/s °/sec deg_s º/s grader/s degrees/s degree/s degree_s-1"
     " 度/秒 deg_per_s deg_per_sec deg_per_second degrees_per_second",
-    "deg/min": "度/分 deg/min °/min deg/m dpm °/m grad/min deg_min-1 °/minute deg/minute º/min degrees/min"
+    "deg/min": "deg_min deg-min degmin 度/分"
+    " deg/min °/min deg/m dpm °/m grad/min deg_min-1 °/minute deg/minute º/min degrees/min"
     " deg_per_min deg_per_minute degrees_per_minute",
-    "rad/s": "rad/s rad/sec rads-1 rad.s-1 rad_s rad_s-1 radians/s rad_per_s rad_per_sec radians_per_second",
+    "rad/s": "rads radps rad/s rad/sec rads-1 rad.s-1 rad_s rad_s-1 radians/s rad_per_s rad_per_sec"
+    " radians_per_second",
     "rpm": "rpm 1/min min-1 /min u/min r/min upm o/min tr/min omdr/min rev/min giri/min min^-1 r.p.m. rpm. omw/min"
     " 转/分 回転/分 rev_per_min revs_per_min revolutions_per_minute",
     "rps": "rps 1/s s-1 r/s hz rev/s u/s tr/s s^-1 n/s",
@@ -376,3 +378,16 @@ def split_header(name: str) -> HeaderUnit:
             return HeaderUnit(" ".join(words[:-count]), units, text)
     stem, _, suffix = name.rpartition("/")
     return HeaderUnit(stem, units, suffix) if stem and (units := parse_units(suffix)) else HeaderUnit(name, (), "")
+
+
+def readings_of_header(name: str) -> tuple[HeaderUnit, ...]:
+    """A column header with its unit split off, and with the last word of that alone: ``pos_n_m`` may be metres to
+    the north, too.
+
+    >>> [(head.name, head.units) for head in readings_of_header("pos_n_m")]
+    [('pos', ('Nm',)), ('pos n', ('m',))]
+    """
+    head = split_header(name)
+    first, _, last = head.text.rpartition(" ")
+    units = parse_units(last) if first and f"{head.name} {head.text}" == " ".join(re.split(r"[_\s]+", name)) else ()
+    return (head, HeaderUnit(f"{head.name} {first}", units, last)) if units else (head,)

@@ -85,6 +85,7 @@ _MOST_AT_ONCE = 300  # messages of a log as a source
 _FAR_NS = 60 * NANO  # between two times of an autopilot's topic
 _LONGEST_LAG_S = 1.0  # of a message on its way into the log
 _MOST_RIVALS = 3  # columns of one quantity and place that are joined, the best first
+_SPEED = {"speed", "velocity", "spd", "vel"}
 _MOST_NAMED = 8
 _GPS_EPOCH_NS, _WEEK_NS = pd.Timestamp("1980-01-06").value, 7 * times.DAY_NS
 _NO_CHANNELS = frozenset(["time", "date", "gps_week", "time_of_week", "variable", "value", "unit"])
@@ -508,6 +509,12 @@ def _table_remarks(log: TopicLog, chosen: Collection[str]) -> list[str]:
     ]
     if unused:
         remarks.append(f"not taken, as no channels: {_listed(unused)}")
+    beside = [
+        topic.column(path) for topic in taken for path, entry in topic.fields.items()
+        if topic.column(path) not in chosen and entry.samples.dtype.kind in "iuf" and "[" not in path
+    ]  # fmt: skip
+    if beside:
+        remarks.append(f"not taken of these: {_listed(beside)}")
     return remarks
 
 
@@ -745,12 +752,18 @@ def plain_meaning(
         " ".join(tail[-1:] if is_only or not parts else []),
     ]
     words = set(column_names.split_into_words(f"{topic} {path}"))
-    for option in dict.fromkeys(filter(None, options)):
-        head = column_names.split_header(option)
+    if "wind" in words - {*column_names.split_into_words(options[0])} and _SPEED & {*options[0].lower().split("_")}:
+        options.insert(0, f"wind {options[0]}")
+    heads = [(option, head) for option in dict.fromkeys(filter(None, options))
+             for head in column_names.readings_of_header(option)]  # fmt: skip
+    for option, head in heads:
         unit = entry.unit or (head.text if head.units else "")
-        for name in dict.fromkeys((option, head.name)):
+        shaft = f"{head.name} speed" if "rps" in head.units else ""
+        for name in dict.fromkeys((option, head.name, shaft)):
             plain = " ".join(_EMPTY_WORDS.sub(" ", " ".join(column_names.split_into_words(name))).split())
-            if plain and column_names.match_quantities(plain):
+            matches = column_names.match_quantities(plain) if plain else ()
+            if any(not head.units or evidence.accepts_unit(match.quantity, stated)
+                   for match in matches for stated in head.units or ("",)):  # fmt: skip
                 place = _place_words(words) - set(plain.split())
                 return log_frames.LogField(entry.samples, unit, " ".join([*sorted(place), plain]))
     return entry

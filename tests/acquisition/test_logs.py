@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pymap3d
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -1702,3 +1703,45 @@ def test_file_of_a_bag_of_packed_messages_names_its_folder(tmp_path: Path) -> No
     assert_holds(import_log(tmp_path / "bag", tmp_path)[0], truth)
     with pytest.raises(InputError, match="give the bag's folder"):
         read_table_or_log(tmp_path / "bag" / "bag.mcap")
+
+
+UNUSUAL_NAMES = {
+    "rot_deg_min": ("gyro", "yaw_rate_dps", 60.0), "rot_rads": ("gyro", "yaw_rate_dps", np.pi / 180.0),
+    "shaft_rps": ("engine", "propeller_rpm", 1.0 / 60.0), "pos_n_m": ("gps", "north_m", 1.0),
+    "true_speed_kn": ("wind", "wind_speed_mps", 3600.0 / 1852.0), "Wind_spd_true_kn": ("wind", "wind_speed_mps", 3600.0 / 1852.0),
+    "hdg_rad": ("gyro", "heading_deg", np.pi / 180.0), "pos_e_m": ("gps", "east_m", 1.0),
+}  # fmt: skip
+"""Fields by the topic that they are in: the channel, and how much of the field's unit is one of the channel's."""
+BESIDE = {"dir_deg": ("wind", "wind_direction_deg", 1.0), "u_mps": ("log", "surge_mps", 1.0),
+          "hdg_deg": ("gyro", "heading_deg", 1.0), "pos_n_m": ("gps", "north_m", 1.0),
+          "pos_e_m": ("gps", "east_m", 1.0), "rudder_deg": ("steering", "rudder_angle_deg", 1.0)}  # fmt: skip
+
+
+@IN_PROCESS
+@pytest.mark.parametrize("name", UNUSUAL_NAMES)
+def test_field_is_known_by_unit_and_topic_where_its_name_is_short(name: str, tmp_path: Path) -> None:
+    """A rate in "deg_min", a "true_speed" of the wind, metres "n" that are no newtons: taken for what they are, and
+    what is not taken of a topic is said."""
+    truth = trip()
+    latitude, longitude = (truth.of(key)[1] for key in ("latitude_deg", "longitude_deg"))
+    north, east, _ = pymap3d.geodetic2ned(latitude, longitude, 0.0, 63.43, 10.39, 0.0)
+    ns, seconds = truth.ns | {"wind": truth.ns["gps"] + 11}, np.arange(300.0)
+    values = {key: part for key, (_, part) in truth.channels.items()} | {
+        "north_m": north, "east_m": east, "wind_direction_deg": 40.0 + 5.0 * np.sin(seconds / 20.0),
+        "wind_speed_mps": 7.0 + np.sin(seconds / 15.0),
+    }  # fmt: skip
+    topic, channel, size = UNUSUAL_NAMES[name]
+    fields = {key: entry for key, entry in BESIDE.items() if entry[1] != channel} | {name: (topic, channel, size)}
+    with sqlite3.connect(tmp_path / "log.sqlite") as store:
+        for of in {entry[0] for entry in fields.values()}:
+            table = {
+                key: size * values[of_channel] for key, (place, of_channel, size) in fields.items() if place == of
+            }
+            frame = pd.DataFrame({"time_ns": ns[of], **table, "gain_bits": seconds})
+            frame.to_sql(of, store, index=False)
+    recording, proposal = import_log(tmp_path / "log.sqlite", tmp_path)
+    series = recording.series[channel]
+    np.testing.assert_array_equal(series.measured_ns, ns[topic])
+    np.testing.assert_allclose(series.value, values[channel], rtol=1e-9)
+    assert "speed_over_ground_mps" not in recording.series
+    assert any("not taken of these" in text and f"{topic}.gain_bits" in text for text in proposal.warnings)
