@@ -1708,7 +1708,8 @@ def test_file_of_a_bag_of_packed_messages_names_its_folder(tmp_path: Path) -> No
 UNUSUAL_NAMES = {
     "rot_deg_min": ("gyro", "yaw_rate_dps", 60.0), "rot_rads": ("gyro", "yaw_rate_dps", np.pi / 180.0),
     "shaft_rps": ("engine", "propeller_rpm", 1.0 / 60.0), "pos_n_m": ("gps", "north_m", 1.0),
-    "true_speed_kn": ("wind", "wind_speed_mps", 3600.0 / 1852.0), "Wind_spd_true_kn": ("wind", "wind_speed_mps", 3600.0 / 1852.0),
+    "true_speed_kn": ("wind", "wind_speed_mps", 3600.0 / 1852.0),
+    "Wind_spd_true_kn": ("wind", "wind_speed_mps", 3600.0 / 1852.0),
     "hdg_rad": ("gyro", "heading_deg", np.pi / 180.0), "pos_e_m": ("gps", "east_m", 1.0),
 }  # fmt: skip
 """Fields by the topic that they are in: the channel, and how much of the field's unit is one of the channel's."""
