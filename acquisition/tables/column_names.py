@@ -360,6 +360,8 @@ def split_header(name: str) -> HeaderUnit:
 
     >>> split_header("Speed over ground [kn]").name, split_header("sog_kn").units, split_header("v / (m/s)").units
     ('Speed over ground', ('knots',), ('m/s',))
+    >>> split_header("Seconds of day").units
+    ()
     """
     name, _ = split_sign_statement(name)
     for match in reversed(list(_BRACKETED.finditer(name))):
@@ -374,7 +376,7 @@ def split_header(name: str) -> HeaderUnit:
     words = re.split(r"[_\s]+", name)
     for count in range(min(_LONGEST_AFFIX, len(words) - 1), 0, -1):
         text = " ".join(words[-count:])
-        if units := parse_units(text):
+        if (units := parse_units(text)) and words[-count - 1].lower() not in ("of", "per"):  # "seconds of day"
             return HeaderUnit(" ".join(words[:-count]), units, text)
     stem, _, suffix = name.rpartition("/")
     return HeaderUnit(stem, units, suffix) if stem and (units := parse_units(suffix)) else HeaderUnit(name, (), "")

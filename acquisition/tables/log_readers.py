@@ -47,7 +47,7 @@ _LARGE_TYPES = frozenset({
 })  # fmt: skip
 """Types of messages, by their last name, that hold no channel of a ship and take most of a bag's bytes."""
 _LARGE, _NO_COLUMN = "no channels of a ship", "no column of numbers or text"
-_TIME_NAME = re.compile(r"(?:^|[\W_])(?:t|times?|timestamps?|stamp|utc|datetime|epoch|ts)(?:$|[\W_])")
+_TIME_NAME = re.compile(r"(?:^|[\W_])(?:t|u?times?|timestamps?|stamp|utc|datetime|epoch|ts)(?:$|[\W_])")
 _CLOCK_NAME = re.compile(r"(?:^|[\W_])(?:tai|gpst?|gpstime|local|localtime|lt)(?:$|[\W_])", re.IGNORECASE)
 _CLOCK = re.compile(r"\s*\d{1,2}:\d\d")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d{1,18}(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?\s*", re.ASCII)
@@ -279,7 +279,7 @@ def _stamp_ns(message: Any) -> int:
             return stated if 0 <= stated < 2**63 else 0
         if parts is None and (moment_ns := _moment_ns(stamp)):
             return moment_ns
-    key, moment = _stated_moment(message) if isinstance(message, dict) else ("", None)
+    key, moment = _stated_moment(members)
     return 0 if _CLOCK_NAME.search(key) else _moment_ns(moment)  # of another clock than UTC
 
 

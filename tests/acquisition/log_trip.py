@@ -402,8 +402,8 @@ def write_json_mcap(path: Path, truth: Trip, chunk_bytes: int = 1_000_000) -> No
         writer.finish()
 
 
-def write_protobuf_mcap(path: Path, truth: Trip) -> None:
-    """An MCAP file of another program, with protobuf messages."""
+def write_protobuf_mcap(path: Path, truth: Trip, *, late_ns: int = 0) -> None:
+    """An MCAP file of another program, with protobuf messages; those that are logged late state their time [us]."""
     from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
     from mcap_protobuf.writer import Writer
 
@@ -412,6 +412,7 @@ def write_protobuf_mcap(path: Path, truth: Trip) -> None:
         entry = file.message_type.add(name=topic.capitalize())
         for number, name in enumerate(table_of(truth, topic), start=1):
             entry.field.add(name=name, number=number, type=1, label=1)
+        entry.field.add(name="utime", number=9, type=4, label=1)
     pool = descriptor_pool.DescriptorPool()
     pool.Add(file)
     with path.open("wb") as stream, Writer(stream) as writer:
@@ -419,7 +420,8 @@ def write_protobuf_mcap(path: Path, truth: Trip) -> None:
             kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(f"ship.{topic.capitalize()}"))
             for index, ns in enumerate(stamps.tolist()):
                 message = kind(**{name: float(column[index]) for name, column in table_of(truth, topic).items()})
-                writer.write_message(f"/{topic}", message, log_time=ns, publish_time=ns)
+                message.utime = ns // 1000 if late_ns else 0
+                writer.write_message(f"/{topic}", message, log_time=ns + late_ns, publish_time=ns + late_ns)
 
 
 _ULOG_TOPICS = {

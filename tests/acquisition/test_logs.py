@@ -1746,3 +1746,12 @@ def test_field_is_known_by_unit_and_topic_where_its_name_is_short(name: str, tmp
     np.testing.assert_allclose(series.value, values[channel], rtol=1e-9)
     assert "speed_over_ground_mps" not in recording.series
     assert any("not taken of these" in text and f"{topic}.gain_bits" in text for text in proposal.warnings)
+
+
+@IN_PROCESS
+def test_time_that_a_message_states_goes_before_that_of_the_log(tmp_path: Path) -> None:
+    """Messages of protobuf that are logged 5 ms after they were measured, with a number of us in each."""
+    truth = trip(resolution_ns=1000, start_ns=log_trip.START_NS // 1_000_000 * 1_000_000)
+    log_trip.write_protobuf_mcap(tmp_path / "log.mcap", truth, late_ns=5_000_000)
+    recording, _ = import_log(tmp_path / "log.mcap", tmp_path)
+    assert_holds(recording, truth)

@@ -239,7 +239,8 @@ def test_parquet_with_a_time_index_and_mat_with_vectors_or_a_struct(tmp_path: Pa
     plain.to_parquet(tmp_path / "index.parquet")
     savemat(tmp_path / "vectors.mat", vectors)
     savemat(tmp_path / "struct.mat", {"run": vectors, "comment": "calm"})
-    for name in ("index.parquet", "vectors.mat", "struct.mat"):
+    savemat(tmp_path / "trial.mat", {"trial": vectors})  # called as what our exports say of a trial
+    for name in ("index.parquet", "vectors.mat", "struct.mat", "trial.mat"):
         pd.testing.assert_frame_equal(read_table_file(tmp_path / name).table, plain, check_index_type=False,
                                       check_names=False, check_freq=False)  # fmt: skip
     savemat(tmp_path / "odd.mat", vectors | {"north_m": np.arange(3.0)})
