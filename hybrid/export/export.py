@@ -313,7 +313,7 @@ def _write_table(model: ExportedModel, path: Path, _: int) -> Written:
         kind = kinds.get(group, group)  # the vessel file says where a part is from by its name or that of its kind
         parts = (group, kind, f"{kind}s", f"{group}s", *(("thrusters",) if group in kinds else ()))
         source = next((vessel.provenance[part] for part in parts if part in vessel.provenance), "")
-        writer.writerow([name, repr(value), fmu.unit_of_number(name), group, source, *interval])
+        writer.writerow([name, repr(value), fmu.unit_of_number(name, vessel.actuators), group, source, *interval])
     comments = "".join(f"# {remark}\n" for remark in remarks)
     return [write_text(path, comments + text.getvalue())], remarks, [], []
 

@@ -289,6 +289,37 @@ def test_fmu_without_drives_sails_a_steered_zigzag_as_simulate(folder: Path) -> 
     np.testing.assert_allclose(states, voyage.states, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize("name", [*VESSELS, "every_kind"])
+def test_units_of_numbers_are_those_by_which_the_equations_hold(name: str, request: pytest.FixtureRequest) -> None:
+    """In a system of units of its own (3 kg, 2 m and 5 s to one) the ship moves alike: so each number has the
+    dimension that its unit says, those without a unit none."""
+    vessel, plant, equations = ship(str(request.getfixturevalue(name)) if name == "every_kind" else name)
+    size = {"kg": 1.0 / 3.0, "m": 1.0 / 2.0, "s": 1.0 / 5.0}
+
+    def scale(unit: str) -> float:
+        powers = fmu.base_units(unit) if unit else {}
+        return float(np.prod([size[base] ** power for base, power in powers.items() if base in size]))
+
+    numbers = flat_parameters(equations)
+    numbers |= {key: 0.0 for key in numbers if key.endswith("_damping_ps")}  # fades by a constant, in s2/m2
+    converted = {key: value * scale(fmu.unit_of_number(key, vessel.actuators)) for key, value in numbers.items()}
+    module, other = (
+        execute(equations, np, nested_parameters(equations, values, np.array)) for values in (numbers, converted)
+    )
+    states, controls, wind = situations(plant, equations, 20)
+    states[:, 3:] *= 0.2
+    labels = equations.controls
+    of_controls = [scale("1/s") if label.endswith(("rps", "rpm")) else 1.0 for label in labels]
+    speeds = [scale("m/s"), scale("m/s"), scale("1/s")]
+    rates = module.derivative(states, controls, wind)
+    moved = other.derivative(
+        states * [scale("m"), scale("m"), 1.0, *speeds], controls * of_controls, wind * [1.0, scale("m/s")]
+    )
+    expected = rates * [*speeds, *(speed * scale("1/s") for speed in speeds)]
+    size_of_rates = np.abs(expected).max(axis=0)
+    np.testing.assert_allclose(moved / size_of_rates, expected / size_of_rates, atol=1e-9)
+
+
 _SHAFT = {"rps": 2.0 * np.pi, "rpm": np.pi / 30.0, "angle": 1.0}
 """Controls in SI by the end of their labels: rad/s of shafts, rad of angles."""
 
