@@ -20,6 +20,7 @@ import hashlib
 import inspect
 import json
 import logging
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
@@ -58,7 +59,7 @@ _MOST_STUCK = 12  # runs that hang or die: then the simulator is at fault, not t
 _ALL_RUNS = 8  # so many runs or more that all fail are the simulator's fault
 _NAMED = 3  # runs named of each kind of failure
 BATCH, _VECTOR_BATCH = 512, 4096
-_KNOWN: set[str] = set()  # fingerprints of simulators whose first runs were examined
+_KNOWN: set[tuple[str, str]] = set()  # files and fingerprints of simulators whose first runs were examined
 _AGAIN_STEPS, _CHANCE = 5, 1e-9  # of a run that is done again, and by which the result may then be another
 
 
@@ -281,11 +282,12 @@ class FailedRuns:
     why: dict[int, str] = field(default_factory=dict)
 
     def warn(self, name_of: RunNames | None) -> None:
-        """Log what failed, a line each reason: by name, or where runs have none how many."""
+        """Log what failed, a line each reason, whatever its numbers: by name, or where runs have none how many."""
         by_reason: dict[str, list[int]] = {}
         for number, reason in sorted(self.why.items()):
-            by_reason.setdefault(reason, []).append(number)
-        for reason, numbers in by_reason.items():
+            by_reason.setdefault(re.sub(r"\d[\d.e+-]*", "0", reason), []).append(number)
+        for numbers in by_reason.values():
+            reason = self.why[numbers[0]]
             left_out = f"{len(numbers):,} of {self.count:,} runs"
             if name_of is not None:
                 left_out = ", ".join(name_of(number) for number in numbers[:_NAMED])
@@ -388,7 +390,7 @@ def simulate_black_box(
 
     follows = push is not None or model.spec.signals.wind.is_of_motion  # its inputs follow from the last step
     came_back = run_all(model, count, job, name_of, goes_on=follows or model.run_in_s is not None)
-    if model.digest not in _KNOWN and count >= _ALL_RUNS and came_back[0] and model.run_in_s is None:
+    if (model.file, model.digest) not in _KNOWN and count >= _ALL_RUNS and came_back[0] and model.run_in_s is None:
         first = start[:1], controls[:1, :_AGAIN_STEPS], wind[:1, :_AGAIN_STEPS]
         run_all(model, 1, lambda _, runs: _warn_of_chance(model, states[0], runs.run(*first, dt_s, push)[0]))
     states[~came_back, 1:] = np.nan
@@ -430,8 +432,9 @@ def step_over_ground(models: Sequence[BlackBox], step: Step) -> Step:
 
 def _warn_of_contradictions(model: BlackBox, states: Floats, dt_s: float) -> None:
     """Warn, once, where the poses of runs [N, K+1, 6] do not change as their speeds say."""
-    sentences = contradictions(states, dt_s) if model.digest not in _KNOWN else []
-    _KNOWN.add(model.digest)
+    key = model.file, model.digest
+    sentences = contradictions(states, dt_s) if key not in _KNOWN else []
+    _KNOWN.add(key)
     if sentences:
         LOG.warning("%s: %s: compare variable, unit, positive and zero of these and of heading in its map with "
                     "what the simulator counts", model.name, "; ".join(sentences))  # fmt: skip

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import seatrial as st
+from seatrial.acquisition.core.errors import SourceError
 from seatrial.acquisition.core.quantities import Floats
 from seatrial.acquisition.core.ship import Actuator
 from seatrial.hybrid.vessel.dynamics import simulate_batch
@@ -117,6 +118,53 @@ def test_chance_in_a_simulator_is_said(tmp_path: Path, caplog: pytest.LogCapture
             for _ in range(2):
                 simulate_batch(st.load_simulator(f"{tmp_path}/ship.py:Ship"), *runs, 1.0)
         assert caplog.text.count("another result when it is done again") == warned
+
+
+SLIDING = """
+class Sound:
+    length_m = 30.0
+    actuators = {"propeller": "propeller"}
+
+    def step(self, state, controls, wind, dt_s):
+        north, *others = state
+        return [north + dt_s * others[2], *others]
+
+
+class OtherStep(Sound):
+    def step(self, state, controls, wind, dt_s):
+        return super().step(state, controls, wind, 0.1)
+
+
+class OtherOrder(Sound):
+    def step(self, state, controls, wind, dt_s):
+        return [*state[3:], *state[:3]]
+
+
+class Failing(Sound):
+    def step(self, state, controls, wind, dt_s):
+        raise ValueError(f"no table at {state[0]}")
+"""
+
+
+def test_each_class_of_a_file_is_examined(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A step that is ignored, a state in another order; failures that differ in their numbers are one line."""
+    (tmp_path / "sliding.py").write_text(SLIDING)
+    start = np.zeros((8, 6))
+    start[:, 0], start[:, 3] = np.arange(8.0) * 1.7, 2.0
+    said = {}
+    for name in ("Sound", "OtherStep", "OtherOrder"):
+        caplog.clear()
+        simulate_batch(st.load_simulator(f"{tmp_path}/sliding.py:{name}"), start, np.ones((8, 6, 1)),
+                       np.zeros((8, 6, 2)), 1.0)  # fmt: skip
+        said[name] = caplog.text
+    assert not said["Sound"]
+    assert "its position moves by 0.1 times what its surge says" in said["OtherStep"]
+    assert "what its surge says" in said["OtherOrder"]
+    caplog.clear()
+    with pytest.raises(SourceError, match="no table at"):
+        simulate_batch(st.load_simulator(f"{tmp_path}/sliding.py:Failing"), start, np.ones((8, 6, 1)),
+                       np.zeros((8, 6, 2)), 1.0)  # fmt: skip
+    assert caplog.text.count("left out") == 1
 
 
 SPARE = ("north_m", "east_m", "heading", "surge", "sway", "rot")
