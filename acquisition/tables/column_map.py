@@ -586,7 +586,7 @@ def add_derived_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str,
     sources: dict[str, str] = {}
     if "heading_deg" in requested and set(compass) <= set(table.columns):
         table["heading_deg"] = ships.wrap_360(table[compass[0]] + table[compass[1]])
-        sources["heading_deg"] = f"table derived from {', '.join(compass)}"
+        sources["heading_deg"] = f"{DERIVED_FROM}{', '.join(compass)}"
     over_ground = set(requested) - {"heading_deg", "yaw_rate_dps"}
     along_ship = {"surge_mps", "sway_mps"} & set(requested)
     has_heading, has_position = "heading_deg" in table, {"north_m", "east_m"} <= set(table.columns)
@@ -612,7 +612,7 @@ def add_derived_channels(table: pd.DataFrame, names: Sequence[str]) -> dict[str,
     result = {name: derived[name] for name in requested if name in derived}
     for name, (values, _) in result.items():
         table[name] = values
-    return sources | {name: f"table derived from {source}" for name, (_, source) in result.items()}
+    return sources | {name: f"{DERIVED_FROM}{source}" for name, (_, source) in result.items()}
 
 
 MOTION_CHANNELS = frozenset({
@@ -699,6 +699,8 @@ DERIVED = (
     "course_over_ground_deg",
 )
 """The channels that can be derived."""
+DERIVED_FROM = "table derived from "
+"""How the source of a channel begins that was computed from others."""
 
 
 def _forward_runs(seconds: Floats) -> list[slice]:

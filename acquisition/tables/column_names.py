@@ -239,6 +239,7 @@ _SPELLINGS_BY_UNIT: dict[str, str] = {
     " deg_per_min deg_per_minute degrees_per_minute",
     "rad/s": "rads radps rad/s rad/sec rads-1 rad.s-1 rad_s rad_s-1 radians/s rad_per_s rad_per_sec"
     " radians_per_second",
+    "mrad/s": "mrad/s mrads mradps mrad_s milliradians/s",
     "rpm": "rpm 1/min min-1 /min u/min r/min upm o/min tr/min omdr/min rev/min giri/min min^-1 r.p.m. rpm. omw/min"
     " 转/分 回転/分 rev_per_min revs_per_min revolutions_per_minute",
     "rps": "rps 1/s s-1 r/s hz rev/s u/s tr/s s^-1 n/s",

@@ -63,6 +63,7 @@ class ImportSummary:
     times_twice: int = 0
     assumed: dict[str, float] = field(default_factory=dict)
     missing: tuple[str, ...] = ()
+    derived: dict[str, str] = field(default_factory=dict)
     passed_over: tuple[str, ...] = ()
     dropped: dict[str, int] = field(default_factory=dict)
     empty: tuple[str, ...] = ()
@@ -85,6 +86,8 @@ class ImportSummary:
             parts.append(f"without a single value: {', '.join(self.empty)}")
         if self.missing:
             parts.append(f"missing: {', '.join(self.missing)}")
+        if self.derived:
+            parts.append("derived: " + ", ".join(f"{name} from {source}" for name, source in self.derived.items()))
         if self.passed_over:
             parts.append(f"ignored: {', '.join(self.passed_over)}")
         parts += self.remarks
@@ -238,6 +241,11 @@ def _write_recording(file: TableFile, output: Path | str, progress: Progress) ->
         times_twice=int((step_ns == 0).sum()),
         assumed=file.assumed,
         missing=_missing_required_channels(file),
+        derived={
+            name: source.removeprefix(column_map.DERIVED_FROM)
+            for name, source in file.sources.items()
+            if source.startswith(column_map.DERIVED_FROM)
+        },
         passed_over=file.passed_over,
         dropped=file.dropped,
         empty=tuple(str(name) for name, column in file.table.items() if column.isna().all()),

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import savemat
 
+import seatrial
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
 from seatrial.acquisition.core.quantities import KNOT_MPS, from_degrees_and_minutes
 from seatrial.acquisition.core.ship import BY_NAME, MOTION, NAMES
@@ -543,3 +544,19 @@ def test_a_long_table_of_channels_needs_no_map(tmp_path: Path) -> None:
     assert file.table["heading_deg"].dropna().tolist() == pytest.approx([np.rad2deg(1.5)])
     assert file.table["surge_mps"].dropna().tolist() == [3.0]
     assert file.passed_over == ("fuel",)
+
+
+@pytest.mark.usefixtures("read_in_process")
+def test_channel_that_is_computed_from_others_is_said(tmp_path: Path) -> None:
+    """With those that it is from, beside what the table lacks: nobody takes it for measured."""
+    table = pd.DataFrame({"time": TIMES, "Heading [deg]": np.linspace(10.0, 30.0, 5), "Rudder [deg]": np.zeros(5),
+                          "Speed [mrad/s]": np.zeros(5)})  # fmt: skip
+    table.to_csv(tmp_path / "trip.csv", index=False)
+    done = seatrial.import_table(tmp_path / "trip.csv", tmp_path / "trip.mcap", yes=True, allow_missing=True)
+    assert "yaw_rate_dps from heading_deg" in str(done)
+    rate = table.drop(columns="Speed [mrad/s]").assign(**{"ROT [mrad/s]": np.full(5, 50.0)})
+    rate.to_csv(tmp_path / "rate.csv", index=False)
+    done = seatrial.import_table(tmp_path / "rate.csv", tmp_path / "rate.mcap", yes=True, allow_missing=True)
+    assert "derived" not in str(done)
+    recorded = seatrial.read(tmp_path / "rate.mcap")["yaw_rate_dps"].dropna()
+    np.testing.assert_allclose(recorded, np.degrees(0.05))
