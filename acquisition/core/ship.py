@@ -168,9 +168,9 @@ class Control:
 
 
 CONTROLS: dict[str, Control] = {
-    "shaft": Control("_rpm", "rpm", 10_000, "{} shaft, negative in reverse"),
+    "shaft": Control("_rpm", "rpm", 3000, "{} shaft, negative in reverse"),
     "azimuth": Control("_angle_deg", "deg", 180.0, "{} azimuth, positive turns the thrust to starboard"),
-    "tunnel thruster": Control("_rpm", "rpm", 10_000, "{} thruster, positive pushes the {end} to starboard"),
+    "tunnel thruster": Control("_rpm", "rpm", 3000, "{} thruster, positive pushes the {end} to starboard"),
     "rudder": Control("_angle_deg", "deg", 90.0, "{} angle, positive turns the ship to starboard"),
     "pitch": Control("_pitch_percent", "%", 150.0, "{} pitch, of the full one ahead, negative astern"),
     "nozzle": Control("_angle_deg", "deg", 90.0, "{} nozzle, positive turns the jet's thrust to starboard"),

@@ -548,10 +548,10 @@ def _settle_named_wind(context: TableContext) -> None:
         if "wind" in draft.answers or not {*names} <= {*channels}:
             continue
         changes = _mean_wind_changes(context, *(context.series[name] for name in names))
-        if not changes or changes[kind] < _CONTRADICTING_RATIO * changes[other]:
+        if not changes or changes[kind] <= _CONTRADICTING_RATIO * changes[other]:
             continue
         column, speed = (channels[name] for name in names)
-        times = changes[kind] / changes[other]
+        times = changes[kind] / max(changes[other], 1e-3 * changes[kind])
         draft.warnings.append(
             f"{column['column']!r} {words}: the wind over ground would change {times:.0f} times as much otherwise;"
             f" --answer wind={kind} takes it as it is called"
