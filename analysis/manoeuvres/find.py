@@ -28,15 +28,9 @@ from seatrial.acquisition.core import errors, named_code
 from seatrial.acquisition.core.quantities import Bools, Floats, water_depth_m
 from seatrial.acquisition.core.trial import NANO
 from seatrial.analysis.manoeuvres import conducted, criteria, kinds, measures, straight_runs
+from seatrial.analysis.manoeuvres import motion as motions
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_from_value
-from seatrial.analysis.manoeuvres.motion import (
-    Motion,
-    motion_of,
-    recorded_actuators,
-    row_to_row_noise,
-    runs_of_true,
-    steering_actuators,
-)
+from seatrial.analysis.manoeuvres.motion import Motion, motion_of, row_to_row_noise, runs_of_true
 from seatrial.analysis.quality.findings import check_helm_sign, check_shaft_sign
 from seatrial.analysis.quality.wind import recorded_conditions, replace_by_stronger_wind
 from seatrial.analysis.series import is_assumed
@@ -145,7 +139,9 @@ def find_manoeuvres_and_left_out(
     left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
     faults = [("speed run or stop", fault) for fault in check_shaft_sign(table).findings]
     helms = check_helm_sign(table).findings
-    if 0 < len(helms) < len(steering_actuators(recorded_actuators(table))):  # their mean is that of no rudder
+    if (
+        0 < len(helms) < len(motions.steering_actuators(motions.recorded_actuators(table)))
+    ):  # their mean is that of no rudder
         faults += [("turn or zigzag", fault) for fault in helms]
     left_out[:0] = [LeftOut(kind, *bounds, fault.text) for kind, fault in faults]
     if not motion.steering:

@@ -34,16 +34,10 @@ from seatrial.acquisition.core.quantities import (
     rotate_earth_to_ship,
     to_earth,
 )
+from seatrial.analysis import series
 from seatrial.analysis.quality.findings import ORDER_INTERPOLATED, check_orders
 from seatrial.analysis.quality.motion.model import heading_deviation, wild_heading_mask
-from seatrial.analysis.series import (
-    edges_of_runs,
-    finite_samples,
-    local_quadratic,
-    robust_spread,
-    white_noise_standard_deviation,
-    without_repeats,
-)
+from seatrial.analysis.series import edges_of_runs, local_quadratic, robust_spread, white_noise_standard_deviation
 from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.resample import resample
 
@@ -215,7 +209,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     tables.require_actuators(table, (*steering, *driving))
     helms = [actuator.angle.name for actuator in steering if actuator.angle is not None]
     tables.require(table, (*ship.POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
-    table = without_repeats(table, (*ship.POSE_AND_VELOCITY, *helms))
+    table = series.without_repeats(table, (*ship.POSE_AND_VELOCITY, *helms))
     grid, time_ns = _resample_to_even_grid(table, helms)
     time_s = (time_ns - time_ns[0]) / tables.NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
@@ -360,7 +354,7 @@ def _resample_to_even_grid(table: pd.DataFrame, helms: Sequence[str]) -> tuple[p
 def _brief_helm_interval_s(table: pd.DataFrame, name: str) -> float:
     """The interval of a helm that comes evenly and moves by a fifth of its range from one sample to the next [s],
     0 of any other."""
-    samples = finite_samples(table, name)
+    samples = series.finite_samples(table, name)
     if samples.value.size < _FEWEST_HELMS:
         return 0.0
     intervals_s, helm_deg = np.diff(samples.time_s), ship.unwrap(samples.value)

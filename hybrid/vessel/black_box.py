@@ -47,12 +47,7 @@ from seatrial.hybrid.vessel.signals import (
     wind_over_water,
 )
 from seatrial.hybrid.vessel.simulator_map import SimulatorMap
-from seatrial.hybrid.vessel.simulator_process import (
-    RemoteRuns,
-    SimulatorSpec,
-    StuckRunError,
-    pool_of,
-)
+from seatrial.hybrid.vessel.simulator_process import RemoteRuns, SimulatorSpec, StuckRunError, pool_of
 
 LOG = logging.getLogger("seatrial.own")
 _MOST_STUCK = 12  # runs that hang or die: then the simulator is at fault, not the run
@@ -390,16 +385,19 @@ def simulate_black_box(
 
     follows = push is not None or model.spec.signals.wind.is_of_motion  # its inputs follow from the last step
     came_back = run_all(model, count, job, name_of, goes_on=follows or model.run_in_s is not None)
-    if (model.file, model.digest) not in _KNOWN and count >= _ALL_RUNS and came_back[0] and model.run_in_s is None:
+    is_known, again = (model.file, model.digest) in _KNOWN, list[Floats]()
+    if not is_known and count >= _ALL_RUNS and came_back[0] and model.run_in_s is None:
         first = start[:1], controls[:1, :_AGAIN_STEPS], wind[:1, :_AGAIN_STEPS]
-        run_all(model, 1, lambda _, runs: _warn_of_chance(model, states[0], runs.run(*first, dt_s, push)[0]))
+        run_all(model, 1, lambda _, runs: again.append(runs.run(*first, dt_s, push)[0]))
     states[~came_back, 1:] = np.nan
     states[:, 0] = start
     failed, valid = FailedRuns(model, count), np.asarray(np.isfinite(states).all(axis=2))
     for row in np.flatnonzero(came_back & valid[:, 0] & ~valid.all(axis=1)):  # that started well
         failed.why[int(row)] = f"returned no number after {dt_s * int(np.argmin(valid[row])):g} s"
     failed.warn(name_of)
-    _warn_of_contradictions(model, states[came_back], dt_s)
+    if not is_known:
+        _KNOWN.add((model.file, model.digest))
+        _examine_first_runs(model, states[came_back], dt_s, again)
     elapsed_s = dt_s * np.arange(steps + 1)
     north, east = model.current_mps
     return states_over_water(states, (-north, -east), elapsed_s)
@@ -430,23 +428,18 @@ def step_over_ground(models: Sequence[BlackBox], step: Step) -> Step:
     return stepped if any(model.numbers for model in models) else step
 
 
-def _warn_of_contradictions(model: BlackBox, states: Floats, dt_s: float) -> None:
-    """Warn, once, where the poses of runs [N, K+1, 6] do not change as their speeds say."""
-    key = model.file, model.digest
-    sentences = contradictions(states, dt_s) if key not in _KNOWN else []
-    _KNOWN.add(key)
-    if sentences:
+def _examine_first_runs(model: BlackBox, states: Floats, dt_s: float, again: Sequence[Floats]) -> None:
+    """Warn where the poses of runs [N, K+1, 6] do not change as their speeds say, and where the first, done again
+    [K+1, 6], has another result."""
+    if sentences := contradictions(states, dt_s):
         LOG.warning("%s: %s: compare variable, unit, positive and zero of these and of heading in its map with "
                     "what the simulator counts", model.name, "; ".join(sentences))  # fmt: skip
-
-
-def _warn_of_chance(model: BlackBox, states: Floats, again: Floats) -> None:
-    """Warn where a run [K+1, 6] that is done again has another result."""
-    difference = np.abs(states[: len(again)] - again)
-    if (difference > _CHANCE * (1.0 + np.abs(again))).any():
-        LOG.warning("%s: the same run has another result when it is done again, by up to %.2g m after %d steps: "
-                    "chance plays in it, or it remembers what its reset does not clear; figures will vary",
-                    model.name, difference[-1, :2].max(), len(again) - 1)  # fmt: skip
+    for repeated in again:
+        difference = np.abs(states[0, : len(repeated)] - repeated)
+        if (difference > _CHANCE * (1.0 + np.abs(repeated))).any():
+            LOG.warning("%s: the same run has another result when it is done again, by up to %.2g m after %d steps:"
+                        " chance plays in it, or it remembers what its reset does not clear; figures will vary",
+                        model.name, difference[-1, :2].max(), len(repeated) - 1)  # fmt: skip
 
 
 def _run_in(
