@@ -42,11 +42,8 @@ _DEGREES_OF_POSITION = 2e-7
 _FEWEST, _CONCENTRATED, _LARGEST_MULTIPLE = 30, 0.8, 8.5
 _MOST_VALUES, _EXACT, _NOISES = 200_000, 0.95, 0.7
 _FEWEST_RENEWED, _LEAST_REPEATED, _CLEAR_STEPS = 20, 1.5, 5.0
-_ON_STEP, _OUT_OF_STEP, _MOST_RENEWED = (
-    0.02,
-    0.34,
-    0.9,
-)  # of the step; of the period: two of 2, two to four of 3; of the new values
+_ON_STEP, _OUT_OF_STEP, _MOST_RENEWED = 0.02, 0.34, 0.9
+"""Shares of the step, of the period (two of 2, two to four of 3), and of the new values."""
 
 
 @dataclass(frozen=True, slots=True, order=True)

@@ -34,12 +34,8 @@ _UNSURE_SHARE = 0.2  # of the time that half of a change of thrust takes: engine
 _BY_SHAFT = "the order was not recorded: it is taken from the beginning of the shaft's change"
 _SHAFT_CONTRADICTS = "the recorded orders do not precede the shaft"
 _LONGEST_ENGINE_LAG_S = 60.0  # from an order to the first change of the shaft
-_LONGEST_PAUSE_S = (
-    180.0  # until an engine that was stopped turns astern: large ones wait for the shaft to slow down
-)
-_UNSETTLED_SHARE = (
-    0.25  # of the loss of speed that is still to come, so that a pause in thrust is no speed of its own
-)
+_LONGEST_PAUSE_S = 180.0  # until an engine turns astern: large ones wait for the shaft to slow down
+_UNSETTLED_SHARE = 0.25  # of the loss of speed is still to come: a pause in thrust that has no speed of its own
 _HAND_S = 2.0  # by which a mark set by hand is early or late
 _ENGINE_ORDER = re.compile(
     r"\bfull astern\b|\b(crash|emergency|inertia) stop\b(?!\W*(end|finish|complete))|\bstop(ped)? engines?\b"
