@@ -349,7 +349,7 @@ def read_mat(path: Path) -> RawTable:
     loaded: dict[str, Any] = process.read_in_child(FOREIGN_READER, "mat", path)
     content = {key: value for key, value in loaded.items() if not key.startswith(("__", "#"))}
     trial, units = content.pop("trial", {}), content.pop("units", None)
-    if isinstance(trial, dict) and _vectors_in_mat_file(_flatten_struct(trial)):  # another's struct of this name
+    if trial and isinstance(trial, dict) and not _vectors_in_mat_file(content):  # another's struct of this name
         content["trial"], trial = trial, {}
     vectors = _vectors_in_mat_file(content) or _simulink_signals(content)
     if not vectors:
