@@ -417,11 +417,8 @@ def read_netcdf(path: Path) -> RawTable:
     if is_hdf5 := _is_hdf5(path):
         require_package("h5py", "hdf5", path)
     variables, attributes = process.read_in_child(FOREIGN_READER, "netcdf_4" if is_hdf5 else "netcdf", path)
-    for name, (
-        dimensions,
-        values,
-        metadata,
-    ) in variables.items():  # without those of one entry, as of one trajectory
+    # A dimension of one entry, such as that of a single trajectory, is none.
+    for name, (dimensions, values, metadata) in variables.items():
         long = tuple(entry for entry, size in zip(dimensions, values.shape, strict=True) if size != 1)
         variables[name] = (long, values.squeeze(), metadata) if long else (dimensions, values.ravel(), metadata)
     standard = (name for name, (_, _, metadata) in variables.items() if metadata.get("standard_name") == "time")
