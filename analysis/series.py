@@ -191,9 +191,9 @@ def find_repeats(samples: Samples, is_command: bool = False) -> tuple[Ints, floa
     step = float(np.quantile(sizes, 0.02, method="lower"))
     is_coarse = np.mean(np.abs(sizes / step - np.rint(sizes / step)) < _ON_STEP) > _CONCENTRATED
     is_clear = sizes > _CLEAR_STEPS * step * is_coarse
-    apart = np.diff(places)[is_clear[1:] & is_clear[:-1]]
-    period = int(np.median(apart)) if apart.size >= _FEWEST_RENEWED else 0
-    if period < 2 or np.mean(np.abs(apart - period) <= _OUT_OF_STEP * period) < _MOST_RENEWED:
+    intervals = np.diff(places)[is_clear[1:] & is_clear[:-1]]
+    period = int(np.median(intervals)) if intervals.size >= _FEWEST_RENEWED else 0
+    if period < 2 or np.mean(np.abs(intervals - period) <= _OUT_OF_STEP * period) < _MOST_RENEWED:
         return nothing
     lasts = np.diff(places)
     if is_command and lasts[np.abs(lasts - period) <= _OUT_OF_STEP * period].sum() < _MOST_RENEWED * value.size:

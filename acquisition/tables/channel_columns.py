@@ -780,24 +780,23 @@ def _correct_helm_sign(context: TableContext, control: ActuatorColumn) -> None:
     """Invert the sign of a helm that turns the ship the other way, or of a rudder by its head if nothing turns."""
     turns, rate_of_turn = ships.KINDS[control.kind].turns, context.series.get("yaw_rate_dps")
     steps = evidence.channel_increments(context, "heading_deg")
-    is_rudder_to_port = control.kind == "rudder" and control.candidate.positive == "port"
-    if not turns or context.heading_is_asked or context.grid.size < 3 or (rate_of_turn is None and not steps):
-        if is_rudder_to_port:
-            evidence.invert_sign_of_assigned_channel(context, control.channel, evidence.POSITIVE_TO_PORT)
-        return
-    turning = (
-        steps[0] if rate_of_turn is None else evidence.interval_means_on_grid(context.t, rate_of_turn, context.grid)
-    )
-    helm_deg = evidence.interval_means_on_grid(context.t, context.series[control.channel], context.grid)
-    helm = np.sin(np.deg2rad(helm_deg))
-    correlations = [evidence.fit_scale(turning[lag:], helm[: helm.size - lag]).correlation for lag in range(4)]
-    strongest = max(correlations, key=abs) * turns
+    is_rudder, strongest, rest_deg = control.kind == "rudder", 0.0, 0.0
+    if turns and not context.heading_is_asked and context.grid.size >= 3 and (rate_of_turn is not None or steps):
+        turning = (
+            steps[0]
+            if rate_of_turn is None
+            else evidence.interval_means_on_grid(context.t, rate_of_turn, context.grid)
+        )
+        helm_deg = evidence.interval_means_on_grid(context.t, context.series[control.channel], context.grid)
+        helm = np.sin(np.deg2rad(helm_deg))
+        correlations = [evidence.fit_scale(turning[lag:], helm[: helm.size - lag]).correlation for lag in range(4)]
+        strongest = max(correlations, key=abs) * turns
+        rest_deg = _helm_without_turning(turning, helm_deg) if is_rudder else 0.0
     if strongest < -0.5:
         side = "port" if turns > 0 else "starboard"
         evidence.invert_sign_of_assigned_channel(context, control.channel, f"positive turned the ship to {side}")
-    elif is_rudder_to_port and strongest <= 0.5:
+    elif is_rudder and control.candidate.positive == "port" and strongest <= 0.5:
         evidence.invert_sign_of_assigned_channel(context, control.channel, evidence.POSITIVE_TO_PORT)
-    rest_deg = _helm_without_turning(turning, helm_deg) if control.kind == "rudder" else 0.0
     if abs(rest_deg) > _FAR_FROM_AMIDSHIPS_DEG:
         context.draft.warnings.append(
             f"{control.candidate.column!r} is about {rest_deg:.0f} deg while the ship does not turn: does it count"

@@ -504,7 +504,7 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
     candidates = []
     components = column_names.components_by_name(raw.names)
     for column in raw.names:
-        head, *others = column_names.readings_of_header(column)
+        head, *alternatives = column_names.readings_of_header(column)
         stated_units = column_names.parse_units(raw.units.get(column, ""))
         if (exact := column_names.QUANTITY_BY_CHANNEL.get(column)) is not None:
             candidates.append(
@@ -515,7 +515,7 @@ def column_candidates(raw: table_files.RawTable) -> list[ColumnCandidate]:
             continue
         signs = [column_names.split_sign_statement(text) for text in (raw.meanings.get(column, ""), column)]
         names = [(signs[0][0], stated_units), (head.name, stated_units or head.units)]
-        names += [(other.name, stated_units or other.units) for other in others]
+        names += [(reading.name, stated_units or reading.units) for reading in alternatives]
         if column.endswith(head.text):  # the supposed unit may be part of the name
             names.append((column, stated_units))
         if {"rpm", "rps"} & {*head.units}:  # "Shaft (rpm)"

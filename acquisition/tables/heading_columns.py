@@ -598,16 +598,13 @@ def correct_sway_sign(context: TableContext) -> None:
         return
     moves = evidence.channel_increments(context, *evidence.POSITION_CHANNELS, "heading_deg", "sway_mps")
     candidate = evidence.best_candidate(context.draft, "sway_mps")
-    is_to_port = candidate is not None and candidate.positive == "port"
-    if not moves or context.heading_is_asked:
-        if is_to_port:
-            evidence.invert_sign_of_assigned_channel(context, "sway_mps", evidence.POSITIVE_TO_PORT)
-        return
-    heading = np.deg2rad(evidence.mean_angle(context, context.series["heading_deg"]))
-    across = moves[1] * np.cos(heading) - moves[0] * np.sin(heading)
-    regression = evidence.fit_scale(
-        across, evidence.integrals_on_grid(context.t, context.series["sway_mps"], context.grid)
-    )
+    is_to_port, regression = candidate is not None and candidate.positive == "port", evidence.NO_FIT
+    if moves and not context.heading_is_asked:
+        heading = np.deg2rad(evidence.mean_angle(context, context.series["heading_deg"]))
+        across = moves[1] * np.cos(heading) - moves[0] * np.sin(heading)
+        regression = evidence.fit_scale(
+            across, evidence.integrals_on_grid(context.t, context.series["sway_mps"], context.grid)
+        )
     if regression.is_clear and regression.factor < 0.0:
         evidence.invert_sign_of_assigned_channel(context, "sway_mps", "positive to starboard by the track")
     elif is_to_port and not regression.is_clear:

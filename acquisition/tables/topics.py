@@ -509,12 +509,12 @@ def _table_remarks(log: TopicLog, chosen: Collection[str]) -> list[str]:
     ]
     if unused:
         remarks.append(f"not taken, as no channels: {_listed(unused)}")
-    beside = [
+    unused_columns = [
         topic.column(path) for topic in taken for path, entry in topic.fields.items()
         if topic.column(path) not in chosen and entry.samples.dtype.kind in "iuf" and "[" not in path
     ]  # fmt: skip
-    if beside:
-        remarks.append(f"not taken of these: {_listed(beside)}")
+    if unused_columns:
+        remarks.append(f"not taken of these: {_listed(unused_columns)}")
     return remarks
 
 

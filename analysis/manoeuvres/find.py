@@ -138,10 +138,8 @@ def find_manoeuvres_and_left_out(
     manoeuvres = sorted([*criteria.add_limits(runs, conditions), *added], key=in_time)
     left_out = [candidate for candidate in judged if isinstance(candidate, LeftOut)]
     faults = [("speed run or stop", fault) for fault in check_shaft_sign(table).findings]
-    helms = check_helm_sign(table).findings
-    if (
-        0 < len(helms) < len(motions.steering_actuators(motions.recorded_actuators(table)))
-    ):  # their mean is that of no rudder
+    helms, steering = check_helm_sign(table).findings, motions.steering_actuators(motions.recorded_actuators(table))
+    if 0 < len(helms) < len(steering):  # their mean is that of no rudder
         faults += [("turn or zigzag", fault) for fault in helms]
     left_out[:0] = [LeftOut(kind, *bounds, fault.text) for kind, fault in faults]
     if not motion.steering:
@@ -234,9 +232,9 @@ def _add_depth_and_wind(runs: Iterable[Manoeuvre], table: pd.DataFrame) -> list[
         steps_s = np.diff(pd.DatetimeIndex(depths.index).as_unit("ns").asi8) / NANO
         is_slow = steps_s.size > 0 and np.median(steps_s) > _DEPTH_STEP_S
         medians = depths.rolling(_DEPTH_AVERAGED, min_periods=1 if is_slow else 3).median()
-        own = {} if medians.isna().all() else {"water_depth_m": float(medians.min())}
-        own |= {} if winds_mps.empty else {"wind_mps": float(winds_mps.mean())}
-        result.append(replace(run, settings={**run.settings, **own}))
+        measured = {} if medians.isna().all() else {"water_depth_m": float(medians.min())}
+        measured |= {} if winds_mps.empty else {"wind_mps": float(winds_mps.mean())}
+        result.append(replace(run, settings={**run.settings, **measured}))
     return result
 
 

@@ -399,9 +399,9 @@ def bootstrap_index_intervals(
     # and another one of the same ship mirrored
     even = np.linspace(-1.0, 1.0, REPLICATES + 1)[1::2]
     spread = np.multiply.outer(even, np.ones(executes_s.shape))
-    own, shared = random.permuted(spread, axis=0), spread[random.permutation(len(even))]
+    separate, shared = random.permuted(spread, axis=0), spread[random.permutation(len(even))]
     repeats = []
-    for shift_s in unsure_s * (own + _SHARED * shared):
+    for shift_s in unsure_s * (separate + _SHARED * shared):
         noise = dict[str, Floats]()
         for name, amplitude in spectra.items():
             real, imaginary = random.standard_normal((2, amplitude.size)) / np.sqrt(2.0)

@@ -54,7 +54,7 @@ _MOST_STUCK = 12  # runs that hang or die: then the simulator is at fault, not t
 _ALL_RUNS = 8  # so many runs or more that all fail are the simulator's fault
 _NAMED = 3  # runs named of each kind of failure
 BATCH, _VECTOR_BATCH = 512, 4096
-_KNOWN: set[tuple[str, str]] = set()  # files and fingerprints of simulators whose first runs were examined
+_EXAMINED: set[tuple[str, str]] = set()  # files and fingerprints of simulators whose first runs were examined
 _AGAIN_STEPS, _CHANCE = 5, 1e-9  # of a run that is done again, and by which the result may then be another
 
 
@@ -385,8 +385,8 @@ def simulate_black_box(
 
     follows = push is not None or model.spec.signals.wind.is_of_motion  # its inputs follow from the last step
     came_back = run_all(model, count, job, name_of, goes_on=follows or model.run_in_s is not None)
-    is_known, again = (model.file, model.digest) in _KNOWN, list[Floats]()
-    if not is_known and count >= _ALL_RUNS and came_back[0] and model.run_in_s is None:
+    is_examined, again = (model.file, model.digest) in _EXAMINED, list[Floats]()
+    if not is_examined and count >= _ALL_RUNS and came_back[0] and model.run_in_s is None:
         first = start[:1], controls[:1, :_AGAIN_STEPS], wind[:1, :_AGAIN_STEPS]
         run_all(model, 1, lambda _, runs: again.append(runs.run(*first, dt_s, push)[0]))
     states[~came_back, 1:] = np.nan
@@ -395,8 +395,8 @@ def simulate_black_box(
     for row in np.flatnonzero(came_back & valid[:, 0] & ~valid.all(axis=1)):  # that started well
         failed.why[int(row)] = f"returned no number after {dt_s * int(np.argmin(valid[row])):g} s"
     failed.warn(name_of)
-    if not is_known:
-        _KNOWN.add((model.file, model.digest))
+    if not is_examined:
+        _EXAMINED.add((model.file, model.digest))
         _examine_first_runs(model, states[came_back], dt_s, again)
     elapsed_s = dt_s * np.arange(steps + 1)
     north, east = model.current_mps

@@ -229,19 +229,18 @@ class _Draft:
 
     def _convention_lines(self, variable: Any, name: str, axes: str) -> list[str]:
         """Where a state is zero and which side is positive: as answered, as its description says, by the axes."""
-        conventions = dict(AXES.get(axes, {}).get(name, {}))
+        of_axes, lines = AXES.get(axes, {}).get(name, {}), list[str]()
         keys = {"heading": ("zero", "positive"), "sway": ("positive",), "yaw_rate": ("positive",)}
         for key in keys.get(name, ()):
             usual = {"zero": "north", "positive": "starboard"}[key]
-            stated = _stated(variable, _STATE_SAYS[key])
-            said = self._given(f"state.{name}.{key}") or stated or conventions.get(key, usual)
-            if axes and said != conventions.get(key, usual):
-                why = "as its description says" if said == stated else "as answered"
-                self.proposal.reasons.append(f"state.{name}.{key} is {said}, {why}")
-            conventions[key] = said
-            if said == usual:
-                del conventions[key]
-        return [f'{key} = "{value}"' for key, value in conventions.items()]
+            expected, stated = of_axes.get(key, usual), _stated(variable, _STATE_SAYS[key])
+            convention = self._given(f"state.{name}.{key}") or stated or expected
+            if axes and convention != expected:
+                why = "as its description says" if convention == stated else "as answered"
+                self.proposal.reasons.append(f"state.{name}.{key} is {convention}, {why}")
+            if convention != usual:
+                lines.append(f'{key} = "{convention}"')
+        return lines
 
     def _stated_axes(self) -> str:
         if axes := self._given("axes"):
@@ -415,23 +414,23 @@ class _Draft:
     def wind_table(self) -> str:
         """The wind, if the FMU has any."""
         winds = [v for v in self._inputs if "wind" in words_of(v.name) | words_of(str(v.description or ""))]
-        found = {
+        inputs = {
             name: self._variable(f"wind.{name}", answer)
             for form in simulator_map.WINDS.values() for name in form if (answer := self._given(f"wind.{name}"))
         }  # fmt: skip
-        for variable in winds if not found else ():
+        for variable in winds if not inputs else ():
             words, unit = words_of(variable.name) | words_of(str(variable.description or "")), fmu.unit_of(variable)
             part = next((name for name in ("north", "east") if name in words), None)
             is_angle = unit in ("deg", "rad") or bool(words & {"direction", "dir", "angle", "from", "to"})
             is_angle = is_angle and not (unit and _is_unit_like(unit, "m/s"))
-            found["direction" if is_angle and (unit or not part) else part or "speed"] = variable
-        if not found:
+            inputs["direction" if is_angle and (unit or not part) else part or "speed"] = variable
+        if not inputs:
             self.proposal.reasons.append(
                 "no wind, as no input is called so; wind.direction=INPUT and so on if one is"
             )
             return ""
         lines = []
-        for name, variable in found.items():
+        for name, variable in inputs.items():
             unit = self._unit(f"wind.{name}", variable, "deg" if name == "direction" else "m/s")
             parts = _signal_lines(variable, unit)
             self.proposal.reasons.append(f"wind.{name} is the input {_label_of(variable)}")
