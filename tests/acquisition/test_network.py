@@ -74,8 +74,8 @@ def test_frames_that_the_system_drops_are_counted_and_the_others_stamped_when_th
     with can.Bus(interface="udp_multicast", channel="239.0.0.1", port=port) as sender:
         for number in range(300):
             sender.send(can.Message(arbitration_id=number, data=bytes(8)))
-        sent_ns = time.monotonic_ns()
         time.sleep(0.3)
+        read_ns = time.monotonic_ns()
         frames: list[Frame] = []
         while some := source.read(0.1):
             assert source.exact
@@ -83,7 +83,7 @@ def test_frames_that_the_system_drops_are_counted_and_the_others_stamped_when_th
     source.close()
     assert 0 < len(frames) < 300
     assert len(frames) + source.lost == 300
-    assert all(frame.monotonic_ns < sent_ns + 50_000_000 for frame in frames)
+    assert all(frame.monotonic_ns < read_ns for frame in frames)
     assert all(before.monotonic_ns <= after.monotonic_ns for before, after in pairwise(frames))
 
 
@@ -94,12 +94,12 @@ def test_a_datagram_is_stamped_when_it_came() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             before_ns = time.monotonic_ns()
             sender.sendto(frame_sentence("HEHDT,1,T"), ("127.0.0.1", port))
-        sent_ns = time.monotonic_ns()
         time.sleep(0.2)
+        read_ns = time.monotonic_ns()
         (frame,) = source.read(0.1) or []
         assert source.exact
     wall_ns, monotonic_ns = wall_and_monotonic_ns()
-    assert before_ns - 1_000_000 < frame.monotonic_ns < sent_ns + 1_000_000
+    assert before_ns - 1_000_000 < frame.monotonic_ns < read_ns
     assert abs(frame.received_ns - (wall_ns - monotonic_ns + frame.monotonic_ns)) < 1_000_000
 
 
