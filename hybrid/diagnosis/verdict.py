@@ -380,7 +380,7 @@ def reach_verdict(
         regimes=regimes,
         withdrawn=withdrawn,
         next_manoeuvre=None if lacks else _next_manoeuvre(accepted, rivals, subtask_progress(progress, 1, 2)),
-        suspects=suspects_of(accepted, withdrawn, causes),
+        suspects=suspects_of(accepted, (*withdrawn, *accepted.doubtful), causes),
         ranking=rank_effects(first.evidence),
         maps=(map_of(equations), map_of(final, with_effects=True)),
     )
@@ -539,7 +539,8 @@ def _next_manoeuvre(
 def suspects_of(
     accepted: acceptance.Acceptance, withdrawn: Sequence[str], causes: few_causes.FewCauses | None
 ) -> tuple[Suspect, ...]:
-    """What was found in the whole trial or in some of its halves, but is not named; the most often found first."""
+    """What was found in the whole trial, as what is ``withdrawn``, or in some of its halves, but is not named; the
+    most often found first."""
     found_in = dict.fromkeys(withdrawn, (few_causes.WHOLE,))
     if causes:
         whole = dict.fromkeys(causes.chosen.names, (few_causes.WHOLE,))
@@ -777,7 +778,7 @@ def diagnose(
                 break
             accepted = repeated
         hold = accepted.evidence.equations.log.input_hold
-        return reach_verdict(accepted, log.with_input_hold(hold), part(0.6, 1.0))
+        return reach_verdict(acceptance.drop_doubtful(accepted), log.with_input_hold(hold), part(0.6, 1.0))
 
 
 def accept_effects(

@@ -9,7 +9,15 @@ import pytest
 from scipy.stats import binom
 
 from seatrial.acquisition.core.quantities import Floats
-from seatrial.hybrid.diagnosis.acceptance import INTERACTION_CHANCE, LackOfFit, lack_of_fit, nuisance_families
+from seatrial.hybrid.diagnosis.acceptance import (
+    INTERACTION_CHANCE,
+    Acceptance,
+    LackOfFit,
+    drop_doubtful,
+    lack_of_fit,
+    lack_of_fit_that_matters,
+    nuisance_families,
+)
 from seatrial.hybrid.diagnosis.regression import INTERACTIONS, evidence_of
 from seatrial.hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE, Design, a_design, with_columns
@@ -138,3 +146,22 @@ def test_another_form_is_found_however_small_it_is(doubted: Design) -> None:
     assert (first.what, first.depends) == ("sway_bias", INTERACTIONS[1])
     assert first.size == pytest.approx(size, rel=0.5)
     assert first.is_significant
+
+
+@pytest.mark.parametrize(("current_mps", "is_clear"), [(2.5, True), (0.1, False)])
+def test_a_name_of_another_form_takes_those_with_it_beside_which_it_matters_and_no_others(
+    doubted: Design, current_mps: float, is_clear: bool
+) -> None:
+    """A bias that varies, beside a current that explains hundreds of times as much, or about as much."""
+    column = doubted.layout.first_varying + 1
+    drifting = 0.2 * doubted.columns[:, :, column]
+    data = doubted.data(np.random.default_rng(63), {"ocean_current": (current_mps, 0.0), "sway_bias": (0.05,)})
+    found = Acceptance(("ocean_current", "sway_bias"), {}, evidence_of(doubted.equations(data + drifting)))
+    found = replace(found, lack_of_fit=lack_of_fit_that_matters(found))
+    assert [lack.what for lack in found.lack_of_fit] == ["sway_bias"]
+    rest = drop_doubtful(found)
+    if is_clear:
+        assert (rest.names, rest.doubtful, rest.lack_of_fit) == (("ocean_current",), ("sway_bias",), ())
+        assert rest.coordinates["ocean_current"][0] == pytest.approx(current_mps, rel=0.05)
+    else:
+        assert rest == found
