@@ -142,7 +142,7 @@ def reidentify_model(
 
     ``fixed`` surroundings are not fitted. Raises as :func:`.identify_tables`.
     """
-    log = log_of(tables, vessel.dimensions.length_overall_m)
+    log = log_of(tables, vessel.dimensions.length_overall_m, actuators=vessel.actuators)
     windows = unseen_windows(log, linearise.model_of(vessel, {}))
     folds = np.unique(windows.fold).tolist()
     named = {str(number): table for number, table in enumerate(tables)}

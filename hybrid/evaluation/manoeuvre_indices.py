@@ -94,8 +94,8 @@ def recorded_motion(table: pd.DataFrame, plant: MotionModel) -> RecordedMotion:
 
     Raises :class:`InputError` for a ship with other actuators, or without position, heading or controls.
     """
-    actuators = table_actuators(table)
-    sensors.check_ship(actuators, plant)
+    sensors.check_ship(table_actuators(table), plant)
+    actuators = plant.layout
     require(
         table, tuple(channel.name for actuator in actuators if actuator.drives for channel in actuator.channels)
     )
