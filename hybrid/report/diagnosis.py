@@ -1075,7 +1075,7 @@ _ONE = {
     "drift_force": "The side force of the drifting hull is {} % [more|less] than the model's",
     "drift_moment": "The yaw moment of the drifting hull is {} % [more|less] than the model's",
     "turning_force": "The side force of the turning hull is {} % [more|less] than the model's",
-    "turning_drag": "The resistance of the turning hull is {} % [more|less] than the model's",
+    "turning_drag": "The force along the turning hull, of most hulls ahead, is {} % [more|less] than the model's",
     "yaw_damping": "The hull's yaw damping is {} % [more|less] than the model's",
     "trim": "The hull's side force acts {} m further [forward|aft] than the model's, as with trim by the "
     "[head|stern]",

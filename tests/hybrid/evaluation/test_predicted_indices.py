@@ -22,7 +22,7 @@ from seatrial.hybrid.evaluation.predicted_indices import (
     uncertain_effects,
 )
 from seatrial.hybrid.identification.fit import with_values
-from seatrial.hybrid.identification.identify import indices_of_file
+from seatrial.hybrid.identification.identify import indices_of_file, uncertain_estimates
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.text import predicted_index_lines
 from seatrial.hybrid.simulation.index_table import IndexTable, PredictedIndex
@@ -141,6 +141,26 @@ def test_effects_move_the_indices_within_their_intervals() -> None:
         vessel.vessel_at(np.array([side])).effects["hull_fouling"]["resistance_factor"] for side in (-1.96, 1.96)
     ]
     assert ends == pytest.approx([1.3, 1.7], rel=1e-5)
+
+
+def test_what_was_not_sailed_is_as_uncertain_as_the_file_says_and_in_still_water(sailed: pd.DataFrame) -> None:
+    """Of a zigzag nothing follows for the thrust astern, which the file calls estimated: the stop is as uncertain as
+    before. What was sailed shows how far a model is off, though nothing was fitted; and the day's current is no part
+    of a standard manoeuvre."""
+    ship = replace(SHIP, estimated={"propeller.astern_0": 0.3, "propeller.astern_1": 0.3})
+    day = replace(ship, effects={"ocean_current": {"speed_mps": 0.1, "direction_deg": 40.0}})
+    stated = {row.name: row.predicted for row in indices_of_file(ship).rows}
+    assert standard_indices(day) == standard_indices(ship)
+    table = index_table({"a": sailed}, ship, certain_vessel(ship), estimates=uncertain_estimates(ship))
+    rows = {(row.test, row.side, row.name): row for row in table.rows}
+    stop = rows["stopping with thrust astern", "", "track_reach_m"].predicted
+    before = stated["track_reach_m"]
+    assert stop is not None
+    assert before is not None
+    assert stop.high / stop.low >= 0.99 * before.high / before.low > 1.1
+    turn = rows["turning circle 35 deg", "port", "advance_m"].predicted
+    assert turn is not None
+    assert 1.0 < turn.high / turn.low < 1.3
 
 
 def test_errors_stated_in_a_vessel_file_give_its_manoeuvres_intervals() -> None:
