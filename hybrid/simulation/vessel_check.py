@@ -82,7 +82,7 @@ class VesselCheck(Result):
 
     ``rpm`` and ``speed_mps`` are those of the tests, ``speeds`` [S, 2] steady speeds [m/s] over shaft speeds [rpm].
     ``left_out`` says of tests that could not be made why; ``indices`` have the intervals by the file's errors;
-    ``of_day`` are the file's effects that are of the day of a trial, such as a current, without which it was tested.
+    ``of_day`` are the file's effects of the day of a trial, such as a current, without which it was tested.
     """
 
     vessel: str
@@ -144,7 +144,7 @@ class VesselCheck(Result):
 
 
 def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
-    """The standard manoeuvres of a ship in still water at a shaft speed, by default :data:`TEST_SHARE` of its limit.
+    """The standard manoeuvres in still water at a shaft speed, by default :data:`TEST_SHARE` of its limit.
 
     Raises :class:`ConfigurationError` for a ship that nothing drives or steers, :class:`ModelRangeError` where it
     leaves the range of its model straight ahead.

@@ -144,9 +144,9 @@ def test_effects_move_the_indices_within_their_intervals() -> None:
 
 
 def test_what_was_not_sailed_is_as_uncertain_as_the_file_says_and_in_still_water(sailed: pd.DataFrame) -> None:
-    """Of a zigzag nothing follows for the thrust astern, which the file calls estimated: the stop is as uncertain as
-    before. What was sailed shows how far a model is off, though nothing was fitted; and the day's current is no part
-    of a standard manoeuvre."""
+    """Of a zigzag nothing follows for the thrust astern, which the file calls estimated: the stop is as uncertain
+    as before. What was sailed shows how far a model is off, though nothing was fitted; and the day's current is no
+    part of a standard manoeuvre."""
     ship = replace(SHIP, estimated={"propeller.astern_0": 0.3, "propeller.astern_1": 0.3})
     day = replace(ship, effects={"ocean_current": {"speed_mps": 0.1, "direction_deg": 40.0}})
     stated = {row.name: row.predicted for row in indices_of_file(ship).rows}
