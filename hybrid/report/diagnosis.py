@@ -661,9 +661,14 @@ def _use_of_vessel(diagnosis: result.Diagnosis) -> list[str]:
         use += (
             " Do not predict manoeuvres with it: those marked as worse below come closer with the model as it is."
         )
+    if any(effect.kind == "sensor" for effect in written):
+        use += (
+            " Predictions do not correct the named errors of sensors in a recording: correct the recording, or state "
+            "the sensors' places in it, and diagnose again."
+        )
     passing = dict.fromkeys(f"[effects.{effect.name}]" for effect in written if effect.scope != "ship")
     if passing:
-        use += f" It predicts this trial; for another, delete what is not the ship's own: {join_words([*passing])}."
+        use += f" It is of this trial; for another, delete what is not the ship's own: {join_words([*passing])}."
     return [use]
 
 

@@ -173,3 +173,13 @@ def test_a_table_goes_to_json_and_back(sailed: pd.DataFrame) -> None:
     rows = json.loads(json.dumps(table.as_json()))
     assert {"name", "side", "measured", "before", "after", "predicted", "replayed"} <= set(rows[0])
     assert IndexTable.from_json(rows).as_json() == rows
+
+
+def test_a_measured_index_stands_with_its_interval() -> None:
+    """So that one of an antenna somewhere on the ship is not read as the ship's to a decimetre."""
+    measured = Index(45.7, 27.4, 64.0, "m")
+    row = PredictedIndex("turning circle 25 deg", "port", "transfer_m", measured, 55.9, 56.3, replayed=56.0)
+    lines = predicted_index_lines(IndexTable((row, replace(row, measured=None, replayed=None))))
+    assert lines.columns[0] == "measured"
+    assert lines.tests[0][1][0][1] == "45.7 ± 18"
+    assert lines.tests[0][1][1][1] == ""
