@@ -663,8 +663,8 @@ def _use_of_vessel(diagnosis: result.Diagnosis) -> list[str]:
         )
     if any(effect.kind == "sensor" for effect in written):
         use += (
-            " Predictions do not correct the named errors of sensors in a recording: correct the recording, or state "
-            "the sensors' places in it, and diagnose again."
+            " Predictions do not correct the named errors of sensors in a recording: correct the recording, or "
+            "state the sensors' places in it, and diagnose again."
         )
     passing = dict.fromkeys(f"[effects.{effect.name}]" for effect in written if effect.scope != "ship")
     if passing:
