@@ -1061,7 +1061,7 @@ def train(
 
     calibrators.refuse_untrainable(method)
     files = recording_paths(recordings)
-    model = calibrators.choose_reference(trials_of_recordings(files), vessel)
+    model = calibrators.choose_predicting_reference(trials_of_recordings(files), vessel)
     plant = model.model
     calibrators.refuse_untrainable(method, plant)
     dataset = _load_dataset(
@@ -1329,7 +1329,7 @@ def evaluate(
     refuse_unknown_splits(kinds)
     for name in names:
         calibrators.refuse_untrainable(name)
-    model = calibrators.choose_reference(trials_of_recordings(files), vessel)
+    model = calibrators.choose_predicting_reference(trials_of_recordings(files), vessel)
     plant = model.model
     if isinstance(plant, BlackBox) and not methods:
         excluded = [name for name in names if calibrators.sets_states(name, plant)]

@@ -76,7 +76,7 @@ from seatrial.hybrid.effects.simulators import save_simulator
 from seatrial.hybrid.evaluation.predicted_indices import index_table, uncertain_effects
 from seatrial.hybrid.evaluation.validate import Validation, refuse_training_data, validate_predictions
 from seatrial.hybrid.identification.fit import fixed_surroundings
-from seatrial.hybrid.identification.identify import Identification, identify_tables
+from seatrial.hybrid.identification.identify import Identification, identify_tables, uncertain_estimates
 from seatrial.hybrid.prediction.baselines import constant_motion_tracks, distances
 from seatrial.hybrid.prediction.dataset import load_dataset
 from seatrial.hybrid.report.diagnosis import correction_sentence, describe, model_line, write_report
@@ -142,7 +142,7 @@ def reidentify_model(
 
     ``fixed`` surroundings are not fitted. Raises as :func:`.identify_tables`.
     """
-    log = log_of(tables, vessel.dimensions.length_overall_m)
+    log = log_of(tables, vessel.dimensions.length_overall_m, actuators=vessel.actuators)
     windows = unseen_windows(log, linearise.model_of(vessel, {}))
     folds = np.unique(windows.fold).tolist()
     named = {str(number): table for number, table in enumerate(tables)}
@@ -374,7 +374,8 @@ def indices_of_diagnosis(run: DiagnosisRun, before: vessel_files.Vessel, start: 
     """The standard indices of the model ``before``, and of the ``start`` of a diagnosis with what it named."""
     named = {effect.name: effect.parameters for effect in run.diagnosis.effects if effect.in_vessel}
     tables = {str(number): table for number, table in enumerate(run.tables)}
-    return index_table(tables, before, uncertain_effects(vessel_with_effects(start, run.diagnosis), named))
+    after = uncertain_effects(vessel_with_effects(start, run.diagnosis), named)
+    return index_table(tables, before, after, estimates=uncertain_estimates(after.vessel))
 
 
 def diagnose_with_refit(

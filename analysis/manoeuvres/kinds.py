@@ -205,7 +205,7 @@ def make_zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
         unsteady = (GATHERING_WAY,)
     how = _how_sailed(motion, settings)
     name = f"zigzag {nominal_angle_deg(angle):.0f}/{nominal_angle_deg(switch, SWITCH_SHARE):.0f}{how}"
-    notes, shortfalls = measures.execution_notes(motion, executes)
+    notes, shortfalls = measures.execution_notes(motion, executes, end)
     return measures.make_manoeuvre(
         motion, "zigzag", name, orders[[0, -1]], side_of_sign(_sign_of_first_swing(part, orders)), settings,
         estimates,
@@ -357,7 +357,7 @@ def make_turning_circle(motion: Motion, plateau: Plateau, shortfall: str) -> Man
         )
         shortfalls: tuple[str, ...] = (shortfall,)
     else:
-        notes, shortfalls = measures.execution_notes(motion, [execute])
+        notes, shortfalls = measures.execution_notes(motion, [execute], end)
         settings["half_command_s"] = execute.half_s - execute.order_s
         settings |= measures.approach_settings(part, start)
     is_circle = abs(turned) >= LEAST_CIRCLE_DEG

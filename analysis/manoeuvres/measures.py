@@ -27,6 +27,9 @@ from seatrial.analysis.manoeuvres.indices import Manoeuvre, index_from_value, un
 from seatrial.analysis.series import LEAST_SAMPLES, local_quadratic
 
 APPROACH_S = 10.0
+SHAFTS_CHANGED = "the shafts did not turn as in the approach"
+"""The note on a run whose shafts were ordered otherwise after the execute, or lost their speed under the load."""
+_KEPT_RPM_SHARE = 0.15  # of a shaft's speed: under the load of turns of 10 and 20 deg R/V Gunnerus' lost up to 0.04
 _ASTERN_SHARE = 0.5  # of the speed: less is drift, or the noise of a ship at rest
 
 _LONGEST_CHANGE_S, _BEFORE_S = 15.0, 4.0
@@ -623,10 +626,30 @@ def _last_crossing(share: Floats, level: float) -> float:
     return row + float((level - share[row]) / (share[row + 1] - share[row]))
 
 
-def execution_notes(motion: motions.Motion, executes: Sequence[Execute]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What the indices count from where it was not recorded, the moment of the order and midship; and what keeps a
-    run from showing a criterion: recorded orders that contradict the helm."""
+def shafts_were_changed(motion: motions.Motion, execute: float, end: float) -> bool:
+    """Whether a shaft turned otherwise after an execute than before, to the end; no question where shafts steer."""
+    if motion.steering == motions.BY_DIFFERENCE:
+        return False
+    for rpm in motion.drives.values():
+        spans = (execute - APPROACH_S, execute), (execute, end)
+        before, after = (
+            float(np.median(rpm[(motion.time_s >= first) & (motion.time_s <= last)])) for first, last in spans
+        )
+        least = max(_KEPT_RPM_SHARE * max(abs(before), abs(after)), 10.0 * motion.drive_noise_rpm)
+        if abs(after - before) > least:
+            return True
+    return False
+
+
+def execution_notes(
+    motion: motions.Motion, executes: Sequence[Execute], end: float
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What the indices of a run until ``end`` [s] count from where it was not recorded, the moment of the order and
+    midship, and whether the shafts kept turning; and what keeps it from showing a criterion: recorded orders that
+    contradict the helm."""
     notes, contradicts = list[str](), any(execute.contradicts for execute in executes)
+    if shafts_were_changed(motion, executes[0].order_s, end):
+        notes.append(SHAFTS_CHANGED)
     if motion.orders_are_events:
         notes.append("orders were recorded as events: each was given before half of the recorded change, which the "
                      "intervals allow for")  # fmt: skip

@@ -141,6 +141,17 @@ def table_actuators(table: pd.DataFrame) -> ship.Actuators:
     return ship.actuators_of_table(table.columns, table.attrs)
 
 
+def with_order_of_actuators(table: pd.DataFrame, actuators: ship.Actuators) -> pd.DataFrame:
+    """The table with its ship's actuators in the order of ``actuators``, if they are the same ones."""
+    stated = table_actuators(table)
+    if stated == actuators or set(stated) != set(actuators):
+        return table
+    trial = {**(table.attrs.get("trial") or {}), "actuators": ship.actuators_as_text(actuators, omit_default=False)}
+    ordered = table.copy(deep=False)
+    ordered.attrs = {**table.attrs, "trial": trial}
+    return ordered
+
+
 def declared_channels(table: pd.DataFrame) -> tuple[ship.Channel, ...]:
     """The channels that the trial of a table declares, of those that it holds."""
     return tuple(channel for channel in ship.declared_channels_of(table.attrs) if channel.name in table)

@@ -21,10 +21,10 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from seatrial.acquisition.core import named_code, ship, trial
-from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, subtask_progress
+from seatrial.acquisition.core.errors import ConfigurationError, InputError, Progress, join_words, subtask_progress
 from seatrial.acquisition.core.quantities import Bools, Floats, Strings
 from seatrial.acquisition.core.result import ChosenModel, ModelResult
-from seatrial.hybrid.effects import simulators, vessel_plant
+from seatrial.hybrid.effects import catalogue_of, simulators, vessel_plant
 from seatrial.hybrid.prediction import baselines, window_sets
 from seatrial.hybrid.prediction.dataset import Dataset, WindowSource, windows_within_model_range
 from seatrial.hybrid.vessel import files
@@ -95,6 +95,21 @@ def choose_reference(trials: files.Trials, vessel: VesselChoice | None = None) -
     name = f"{simulator.name} ({Path(simulator.file).name})"
     ships = {simulator.name, Path(simulator.file.rpartition(":")[0] or simulator.file).stem}
     return ChosenReference(simulator, simulator.file, files.chosen_model(name, ships, trials))
+
+
+def choose_predicting_reference(trials: files.Trials, vessel: VesselChoice | None = None) -> ChosenReference:
+    """As :func:`choose_reference`, with a remark on errors of sensors in the vessel file: predictions start from
+    what was recorded and are compared with it, as if there were none."""
+    chosen = choose_reference(trials, vessel)
+    if chosen.ship is None:
+        return chosen
+    catalogue = catalogue_of(chosen.ship)
+    sensors = [name for name in chosen.ship.effects if name in catalogue and catalogue[name].kind == "sensor"]
+    if not sensors:
+        return chosen
+    names = join_words([name.replace("_", " ") for name in sensors])
+    doubt = f"{chosen.choice.doubt}; {names} in its file are not corrected in recordings"
+    return replace(chosen, choice=replace(chosen.choice, doubt=doubt))
 
 
 def _no_simulator(vessel: VesselChoice | None) -> files.Vessel | str | Path | None:

@@ -75,7 +75,7 @@ def choose_predictor(
     calibrator's.
     """
     if calibrator is None:
-        model = calibrators.choose_reference(trials, vessel)
+        model = calibrators.choose_predicting_reference(trials, vessel)
         return Predictor(model.file, model.model, horizon_s or usual_s, choice=model.choice, ship=model.ship)
     loaded = isinstance(calibrator, calibrators.TrainedCalibrator)
     if isinstance(calibrator, calibrators.TrainedCalibrator):

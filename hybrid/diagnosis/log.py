@@ -26,7 +26,14 @@ from seatrial.analysis.estimation.motion_model import NoiseLevels
 from seatrial.analysis.estimation.smoother import smooth
 from seatrial.analysis.series import edges_of_runs, robust_spread
 from seatrial.analysis.speed_power.runs import power_columns, power_kw
-from seatrial.analysis.tables.table import NANO, require, table_actuators, table_controls, times_ns
+from seatrial.analysis.tables.table import (
+    NANO,
+    require,
+    table_actuators,
+    table_controls,
+    times_ns,
+    with_order_of_actuators,
+)
 from seatrial.hybrid.vessel.actuators import control_units
 from seatrial.hybrid.vessel.sensors import STATE_UNITS, states_of
 
@@ -145,8 +152,15 @@ class Log:
         return replace(self, controls=held[hold], held=held, input_hold=hold, cut_from=cut_from)
 
 
-def log_of(tables: Sequence[pd.DataFrame], length_m: float = np.inf, fixed_step_s: float | None = None) -> Log:
+def log_of(
+    tables: Sequence[pd.DataFrame],
+    length_m: float = np.inf,
+    fixed_step_s: float | None = None,
+    actuators: ship.Actuators | None = None,
+) -> Log:
     """The log of tables of samples of one ship's channels, at any rate, with NaN where a channel has no sample.
+
+    Controls are in the order of ``actuators``, a model's, or of the first table's.
 
     A second is followed in more steps the sooner she sails her length, and in whole steps of a simulator that
     integrates in ``fixed_step_s``. Wind that was not recorded counts as calm; tables with the same recording's name
@@ -154,6 +168,8 @@ def log_of(tables: Sequence[pd.DataFrame], length_m: float = np.inf, fixed_step_
     :class:`DataShortageError` if no stretch is long enough, :class:`ConfigurationError` for a fixed step of which a
     second cannot be followed in whole ones.
     """
+    order = table_actuators(tables[0]) if actuators is None else actuators
+    tables = [with_order_of_actuators(table, order) for table in tables]
     for table in tables:
         require(table, (*ship.POSE, *ship.control_names(table_actuators(table))))
     complete = [

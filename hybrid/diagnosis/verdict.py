@@ -763,7 +763,7 @@ def diagnose(
     with threadpool_limits(1, user_api="blas"):  # nested in the filter's own threads they would only wait
         effects = catalogue_of(vessel) if catalogue is None else catalogue
         fixed_step_s = vessel.fixed_step_s if isinstance(vessel, BlackBox) else None
-        log = log_of(tables, vessel.dimensions.length_overall_m, fixed_step_s)
+        log = log_of(tables, vessel.dimensions.length_overall_m, fixed_step_s, vessel.actuators)
         model = linearise.model_of(vessel, linearise.with_recordings(effects, log))
         accepted = accept_effects(linearise.linearise(log, model, tolerance), part(0.1, 0.6))
         for _ in range(CHANGES):  # effects that vary over the trial, as long as they are accepted

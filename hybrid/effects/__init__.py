@@ -176,6 +176,16 @@ def vessel_plant(vessel: Vessel, catalogue: Catalogue | None = None) -> Plant:
     return apply_effects(bare_plant(vessel), vessel.effects, catalogue)
 
 
+def without_effects_of_day(vessel: Vessel) -> Vessel:
+    """The vessel without what its effects say of the day of a trial: the current, waves, a wind, what it towed."""
+    catalogue = catalogue_of(vessel)
+    kept = {
+        name: values for name, values in vessel.effects.items()
+        if name not in catalogue or catalogue[name].scope != "day"
+    }  # fmt: skip
+    return replace(vessel, effects=kept)
+
+
 def catalogue_with(
     files: Iterable[str | Path] = (), without: Iterable[str] = (), vessel: Vessel | BlackBox | None = None
 ) -> dict[str, Effect]:

@@ -164,7 +164,8 @@ EFFECTS = (
     ),
     scaling(
         "turning_drag", "hull", attrgetter("hull_model.turning_drag"), (1.3, 0.1),
-        what="Resistance of the turning hull, all that goes with r: times a factor",
+        what="Force along the turning hull beside what the added mass makes of v r, all that goes with r: times "
+        "a factor; of most hulls it pushes ahead",
         source="Norrbin, Theory and observations on the use of a mathematical model for ship manoeuvring, SSPA 68",
     ),
     scaling(

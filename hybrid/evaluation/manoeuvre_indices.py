@@ -94,8 +94,8 @@ def recorded_motion(table: pd.DataFrame, plant: MotionModel) -> RecordedMotion:
 
     Raises :class:`InputError` for a ship with other actuators, or without position, heading or controls.
     """
-    actuators = table_actuators(table)
-    sensors.check_ship(actuators, plant)
+    sensors.check_ship(table_actuators(table), plant)
+    actuators = plant.layout
     require(
         table, tuple(channel.name for actuator in actuators if actuator.drives for channel in actuator.channels)
     )
@@ -269,6 +269,8 @@ def predicted_indices(
     # at that speed the model's shaft would turn too slowly for all of the test
     if kinds.GATHERING_WAY in run.notes:
         raise DataShortageError(f"{kinds.GATHERING_WAY}: its approach is no steady one that the model could have")
+    if measures.SHAFTS_CHANGED in run.notes:
+        raise DataShortageError(f"{measures.SHAFTS_CHANGED}, and in the same test they would")
     speed_mps, current = run.settings["approach_mps"], (0.0, 0.0)
     if any(name.endswith(kinds.REMOVED) for name in run.indices):
         if water is not None:  # else over ground

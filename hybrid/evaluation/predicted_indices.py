@@ -7,8 +7,9 @@ rudder rate and side, and the recorded helm replayed, which tells the steering g
 
 The 95 % interval of a prediction has two parts. The covariance of the coefficients goes through the manoeuvre along
 its principal axes, one standard deviation to either side of each. What the form of the model lacks shows in
-manoeuvres that took no part in a fit: the relative errors of their indices beyond what coefficients and measurement
-explain, by family of index.
+manoeuvres that took no part in a fit, or where few numbers were fitted to all of them in these: the relative errors
+of their indices beyond what coefficients and measurement explain, by family of index. Of a family of which none was
+sailed, such as stopping, the coefficients that the vessel file calls estimated are as uncertain as it says.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Index, Manoeuvre, unit_in_name
 from seatrial.analysis.manoeuvres.kinds import REMOVED
-from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.effects import vessel_plant, without_effects_of_day
 from seatrial.hybrid.evaluation import manoeuvre_indices as comparisons
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.simulation import vessel_check
@@ -110,6 +111,7 @@ def index_table(
     folds: Sequence[HeldOut] = (),
     rpm: float | None = None,
     currents: Mapping[str, comparisons.Water] | None = None,
+    estimates: UncertainVessel | None = None,
     progress: Progress = lambda share: None,
 ) -> IndexTable:
     """The standard indices of two models beside those measured in recordings.
@@ -123,10 +125,14 @@ def index_table(
     rpm
         The shaft speed of the standard manoeuvres, if they are not made at the approach speed of recordings.
     folds
-        Recordings with the model fitted without them, from which the error of the form is estimated.
+        Recordings with the model fitted without them, from which the error of the form is estimated; without
+        them it is estimated from the ``tables``.
     currents
         By recording the current that was fitted to it, for the runs of one in which no circle shows it; by default
         that of the models themselves. A current taken for drift through the water turns a replayed ship.
+    estimates
+        The fitted model with the errors that its file states of coefficients that were not fitted; they count where
+        no index of the family was measured.
 
     Returns
     -------
@@ -135,10 +141,10 @@ def index_table(
         of the standard manoeuvres that were not sailed.
     """
     currents = currents or {}
-    unseen = unseen_rows(folds, currents)
+    unseen = unseen_rows(folds or [HeldOut(tables, after)], currents)
     runs = [pair for name, table in tables.items() for pair in _runs_of(table, after.vessel, currents.get(name))]
-    form = form_errors(unseen)
-    held_out = {(row.start, row.name): row.held_out for row, _ in unseen}
+    form = form_errors(unseen, at_least_shown=not folds)
+    held_out = {(row.start, row.name): row.held_out for row, _ in unseen if folds}
     pairs = list(after.pairs())
     rows = list[PredictedIndex]()
     for number, (run, tests) in enumerate(runs):
@@ -151,6 +157,11 @@ def index_table(
     standard = partial(standard_indices, speed_mps=speed_mps, rpm=rpm)
     start, values = _indices_reached(standard, before), _indices_reached(standard, after.vessel)
     errors = relative_errors(standard, values, pairs)
+    if estimates is not None and any(family_of(name) not in form for _, _, name in values):
+        stated = relative_errors(standard, values, estimates.pairs())
+        errors = {
+            key: error if family_of(key[2]) in form else hypot(error, stated[key]) for key, error in errors.items()
+        }
     for key, value in values.items():
         test, side, index = key
         if (test, side) not in sailed:
@@ -324,8 +335,9 @@ def _sailed_rows(
 def standard_indices(
     vessel: Vessel, speed_mps: float | None = None, rpm: float | None = None
 ) -> Mapping[Key, float]:
-    """The indices of the standard manoeuvres that a vessel can make; speeds as in :func:`.ship_for_trials`."""
-    ship = vessel_check.ship_for_trials(vessel, speed_mps, rpm)
+    """The indices of the standard manoeuvres that a vessel can make in still water, whatever the water, the waves
+    and the wind of a trial that its effects are of; speeds as in :func:`.ship_for_trials`."""
+    ship = vessel_check.ship_for_trials(without_effects_of_day(vessel), speed_mps, rpm)
     return {
         (test.run.name, test.run.side, name): index.value
         for test in vessel_check.make_trials(vessel_check.standard_trials(ship), {})

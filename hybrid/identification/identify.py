@@ -579,9 +579,14 @@ def judge(folds: Sequence[Fold], horizon_s: int, held_out: str) -> Judgement | N
 def indices_of_file(vessel: Vessel, rpm: float | None = None) -> IndexTable:
     """The standard manoeuvres of a vessel file, with 95 % intervals by the errors that it states of coefficients.
 
-    Coefficients without a stated error count as exact, and those with one as independent. ``rpm`` is the shaft
-    speed of the tests, by default as in :func:`.check_vessel`.
+    ``rpm`` is the shaft speed of the tests, by default as in :func:`.check_vessel`.
     """
+    return index_table({}, vessel, uncertain_estimates(vessel), rpm=rpm)
+
+
+def uncertain_estimates(vessel: Vessel) -> UncertainVessel:
+    """A vessel with the errors that its file states of coefficients; those without count as exact, and those with
+    one as independent."""
     coefficients = [
         coefficient for coefficient in fit.coefficients_of(vessel) if coefficient.name in vessel.estimated
     ]
@@ -590,4 +595,4 @@ def indices_of_file(vessel: Vessel, rpm: float | None = None) -> IndexTable:
         return fit.with_values(vessel, fit.values_at(coefficients, z))
 
     count = len(coefficients)
-    return index_table({}, vessel, UncertainVessel(vessel_at, np.zeros(count), np.eye(count)), rpm=rpm)
+    return UncertainVessel(vessel_at, np.zeros(count), np.eye(count))

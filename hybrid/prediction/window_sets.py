@@ -16,12 +16,19 @@ import pandas as pd
 
 from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Strings
-from seatrial.acquisition.core.ship import DEFAULT, POSE_AND_VELOCITY, Actuators, trial_channel_names, unwrap
+from seatrial.acquisition.core.ship import (
+    DEFAULT,
+    POSE_AND_VELOCITY,
+    Actuators,
+    control_names,
+    trial_channel_names,
+    unwrap,
+)
 from seatrial.analysis.tables.table import NANO, table_actuators
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.vessel.actuators import angle_columns, control_units
-from seatrial.hybrid.vessel.black_box import RunIn
-from seatrial.hybrid.vessel.sensors import HEADING, STATE_UNITS, WIND_UNITS
+from seatrial.hybrid.vessel.black_box import MotionModel, RunIn
+from seatrial.hybrid.vessel.sensors import HEADING, STATE_UNITS, WIND_UNITS, check_ship
 
 WIND, CONTROLS = slice(6, 8), slice(8, None)
 """The columns of wind and controls among the channels of a window: after the state."""
@@ -104,6 +111,20 @@ class PredictionWindows:
     def subset(self, chosen: Bools | Ints) -> PredictionWindows:
         """The windows chosen by a mask or by indices."""
         return replace(self, **{name: values[chosen] for name, values in self.arrays_by_name().items()})
+
+    def in_order_of(self, plant: MotionModel) -> PredictionWindows:
+        """The windows with their controls in the order in which a model lists its ship's actuators.
+
+        Raises :class:`InputError` for a model of a ship with other ones.
+        """
+        check_ship(self.actuators, plant)
+        if self.actuators == plant.layout:
+            return self
+        names = control_names(self.actuators)
+        order = np.array([names.index(name) for name in control_names(plant.layout)])
+        past = np.concatenate([self.past[..., : CONTROLS.start], self.past[..., CONTROLS][..., order]], axis=-1)
+        commands = None if self.commands is None else self.commands[..., order]
+        return replace(self, control=self.control[..., order], past=past, commands=commands, actuators=plant.layout)
 
     def arrays_by_name(self) -> dict[str, Any]:
         """The arrays with a row for each window, by name."""

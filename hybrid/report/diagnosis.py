@@ -661,9 +661,14 @@ def _use_of_vessel(diagnosis: result.Diagnosis) -> list[str]:
         use += (
             " Do not predict manoeuvres with it: those marked as worse below come closer with the model as it is."
         )
+    if any(effect.kind == "sensor" for effect in written):
+        use += (
+            " Predictions do not correct the named errors of sensors in a recording: correct the recording, or "
+            "state the sensors' places in it, and diagnose again."
+        )
     passing = dict.fromkeys(f"[effects.{effect.name}]" for effect in written if effect.scope != "ship")
     if passing:
-        use += f" It predicts this trial; for another, delete what is not the ship's own: {join_words([*passing])}."
+        use += f" It is of this trial; for another, delete what is not the ship's own: {join_words([*passing])}."
     return [use]
 
 
@@ -1075,7 +1080,7 @@ _ONE = {
     "drift_force": "The side force of the drifting hull is {} % [more|less] than the model's",
     "drift_moment": "The yaw moment of the drifting hull is {} % [more|less] than the model's",
     "turning_force": "The side force of the turning hull is {} % [more|less] than the model's",
-    "turning_drag": "The resistance of the turning hull is {} % [more|less] than the model's",
+    "turning_drag": "The force along the turning hull, of most hulls ahead, is {} % [more|less] than the model's",
     "yaw_damping": "The hull's yaw damping is {} % [more|less] than the model's",
     "trim": "The hull's side force acts {} m further [forward|aft] than the model's, as with trim by the "
     "[head|stern]",

@@ -380,11 +380,16 @@ def vessel_check_page(check: VesselCheck) -> pages.Page:
 def vessel_check_notes(check: VesselCheck) -> list[str]:
     """What is to be said under the table: whether the ship keeps straight by itself, the criteria, what is not
     made."""
+    drift_dps = check.amidships_dps
+    side = "starboard" if drift_dps > 0.0 else "port"
     stability = {
-        None: "course stability is not known: no pull-out was possible",
-        True: "course stable: with the helm amidships the ship stops turning, to either side",
-        False: "not course stable: with the helm amidships the ship keeps turning",
-    }
+        None: "course stability is not known: no pull-out to either side was possible",
+        True: "course stable: with the helm amidships the ship "
+        + (f"comes to {abs(drift_dps):.2g} deg/s to {side} from either side: something turns it"
+           if drift_dps else "stops turning, to either side"),
+        False: "not course stable: with the helm amidships the ship keeps turning to the side that it turned to",
+    }  # fmt: skip
+    still = f"in still water: without the {join_words([plain(name) for name in check.of_day])} of the vessel file"
     by_reason: dict[str, list[str]] = {}
     for name, why in check.left_out.items():
         by_reason.setdefault(why, []).append(name)
@@ -394,7 +399,7 @@ def vessel_check_notes(check: VesselCheck) -> list[str]:
     standards = [f"{headline_words} ({assumed})"] if tested else []
     shortfalls = [f"{reason}: {names}" for reason, names in criteria.shortfalls_of_criteria(check.criteria)]
     not_made = [f"{join_words(names)} not made: {why}" for why, names in by_reason.items()]
-    return [stability[check.course_stable], *standards, *shortfalls, *not_made]
+    return [*[still] * bool(check.of_day), stability[check.course_stable], *standards, *shortfalls, *not_made]
 
 
 def draw_vessel_check(figure: Figure, check: VesselCheck) -> None:

@@ -75,9 +75,11 @@ def force_unit(largest_n: float) -> tuple[float, str]:
 
 
 _PREDICTED_INDEX_COLUMNS = {
-    "measured": "as recorded", "before": "the same test by the model as it was",
+    "measured": "as recorded, with its 95 % interval, which covers any place of the antenna where none is stated",
+    "before": "the same test by the model as it was",
     "model": "the same test by the model as it is",
-    "95 % from": "by the errors of its numbers", "to": "", "replayed": "the recorded helm",
+    "95 % from": "by the errors of its numbers, and where runs show it by that of its form", "to": "",
+    "replayed": "the recorded helm",
     "unseen": "by the fit without this recording, whose error widens the 95 %",
 }  # fmt: skip
 """The columns of the table of predicted indices, and what they are."""
@@ -122,6 +124,8 @@ def predicted_index_lines(table: IndexTable) -> PredictedIndexLines:
         title = f"{time}{row.test}{' to ' * bool(row.side)}{row.side}"
         name = f"{plain_name(row.name)} [{unit_in_name(row.name)}]{' (worse)' * row.is_worse}"
         numbers = ["" if (value := cells[number]) is None else plain_number(value) for number in shown]
+        if shown[:1] == [0] and row.measured is not None and isfinite(row.measured.high - row.measured.low):
+            numbers[0] += f" \u00b1 {plain_number(0.5 * (row.measured.high - row.measured.low), 2)}"
         tests.setdefault(title, []).append([name, *numbers])
     columns = [list(_PREDICTED_INDEX_COLUMNS)[number] for number in shown]
     legend = "; ".join(f"{name.removesuffix(' from')}: {what}" for name in columns

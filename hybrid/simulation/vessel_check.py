@@ -33,7 +33,7 @@ from seatrial.analysis.manoeuvres.indices import (
 )
 from seatrial.analysis.manoeuvres.motion import Motion
 from seatrial.analysis.manoeuvres.straight_runs import stopping_indices
-from seatrial.hybrid.effects import vessel_plant
+from seatrial.hybrid.effects import vessel_plant, without_effects_of_day
 from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.simulation.index_table import IndexTable
 from seatrial.hybrid.simulation.trial import SeaState, sail_through
@@ -81,7 +81,8 @@ class VesselCheck(Result):
     """How a ship behaves by its vessel file.
 
     ``rpm`` and ``speed_mps`` are those of the tests, ``speeds`` [S, 2] steady speeds [m/s] over shaft speeds [rpm].
-    ``left_out`` says of tests that could not be made why; ``indices`` have the intervals by the file's errors.
+    ``left_out`` says of tests that could not be made why; ``indices`` have the intervals by the file's errors;
+    ``of_day`` are the file's effects of the day of a trial, such as a current, without which it was tested.
     """
 
     vessel: str
@@ -92,6 +93,7 @@ class VesselCheck(Result):
     tests: tuple[StandardTest, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
     indices: IndexTable = field(default_factory=IndexTable)
+    of_day: tuple[str, ...] = ()
     view: ClassVar[str] = "seatrial.hybrid.report.pages:vessel_check_view"
     frame: ClassVar[str] = "criteria"
     drawing: ClassVar[str] = "seatrial.hybrid.report.pages:draw_vessel_check"
@@ -108,9 +110,27 @@ class VesselCheck(Result):
 
     @property
     def course_stable(self) -> bool | None:
-        """Whether it comes out of a turn to either side when the helm is amidships; None where it is not known."""
-        rates = [[abs(index.value) for index in test.indices.values()] for test in self.of_kind("pull_out")]
-        return all(residual < COURSE_STABLE_SHARE * turning for turning, residual in rates) if rates else None
+        """Whether it comes to the same rate of turn from either side when the helm is amidships; None where it is
+        not known. Of a ship that something turns, as unequal thrust does, that is a rate to one side."""
+        if len(self.of_kind("pull_out")) < len(_SIDES):
+            return None
+        apart_dps, turning_dps = (
+            sum(test.indices[name].value for test in self.of_kind("pull_out"))
+            for name in ("residual_yaw_rate_dps", "turning_yaw_rate_dps")
+        )
+        return bool(apart_dps < COURSE_STABLE_SHARE * turning_dps)
+
+    @property
+    def amidships_dps(self) -> float:
+        """The mean rate of turn that is left with the helm amidships, positive to starboard; less than can be seen
+        is none."""
+        tests = self.of_kind("pull_out")
+        to_starboard = [dict(_SIDES)[test.run.side] * test.indices["residual_yaw_rate_dps"].value for test in tests]
+        least = max(
+            (COURSE_STABLE_SHARE * test.indices["turning_yaw_rate_dps"].value for test in tests), default=0.0
+        )
+        mean = float(np.mean(to_starboard)) if tests else 0.0
+        return mean if abs(mean) >= least else 0.0
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -124,11 +144,12 @@ class VesselCheck(Result):
 
 
 def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
-    """The standard manoeuvres of a ship at a shaft speed, by default at :data:`TEST_SHARE` of its limit.
+    """The standard manoeuvres in still water at a shaft speed, by default :data:`TEST_SHARE` of its limit.
 
     Raises :class:`ConfigurationError` for a ship that nothing drives or steers, :class:`ModelRangeError` where it
     leaves the range of its model straight ahead.
     """
+    in_file, vessel = vessel, without_effects_of_day(vessel)
     limit = manoeuvres.shaft_limit_rpm(vessel)
     test_rpm = limit * TEST_SHARE if rpm is None else rpm
     ship, left_out = trial_ship_at_rpm(vessel, test_rpm), dict[str, str]()
@@ -147,7 +168,14 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
     runs = criteria.add_limits((test.run for test in tests), conditions)
     tests = [replace(test, run=run) for test, run in zip(tests, runs, strict=True)]
     return VesselCheck(
-        vessel.name, ship.length_m, test_rpm, speed_mps, _speeds_by_rpm(vessel, limit), tuple(tests), left_out
+        vessel.name,
+        ship.length_m,
+        test_rpm,
+        speed_mps,
+        _speeds_by_rpm(vessel, limit),
+        tuple(tests),
+        left_out,
+        of_day=tuple(sorted(in_file.effects.keys() - vessel.effects)),
     )
 
 

@@ -184,16 +184,12 @@ def behind_play(motor: Floats, width: float) -> Floats:
 
 
 def check_ship(recorded: ship.Actuators, plant: MotionModel) -> None:
-    """Raise :class:`InputError` where a recording is of a ship with other actuators than the model has."""
-    if recorded != plant.layout:
-        ships = actuator_list_text(recorded), actuator_list_text(plant.layout)
-        if set(recorded) == set(plant.layout):
-            raise errors.InputError(
-                f"the recording has the actuators {ships[0]}, the model the same in another order: {ships[1]}",
-                fix="give the vessel file's [[actuator]] the order of the recording",
-            )
+    """Raise :class:`InputError` where a recording is of a ship with other actuators than the model has, in
+    whatever order."""
+    if set(recorded) != set(plant.layout):
         raise errors.InputError(
-            f"the recording is of a ship with {ships[0]}, the model of one with {ships[1]}",
+            f"the recording is of a ship with {actuator_list_text(recorded)}, the model of one with "
+            f"{actuator_list_text(plant.layout)}",
             fix="give the recorded ship's file with --vessel, or a calibrator of this ship; if it is this ship, "
             "`seatrial import --vessel` names the channels as its file does",
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import TrainedCalibrator
 from seatrial.hybrid.calibrators.predict import (
     Prediction,
+    choose_predictor,
     mean_planned_controls,
     parse_start_time,
     predict,
@@ -28,6 +30,7 @@ from seatrial.hybrid.calibrators.predict import (
 from seatrial.hybrid.prediction.baselines import simulate_reference
 from seatrial.hybrid.prediction.kalman_filter import filtered_starts
 from seatrial.hybrid.report.text import prediction_table
+from seatrial.hybrid.vessel.files import load_vessel
 from seatrial.hybrid.vessel.plant import Plant
 from tests.conftest import SMALL_HORIZON_S
 
@@ -278,3 +281,11 @@ def test_no_number_is_cut_off_in_a_terminal_of_80_columns() -> None:
     text = console.export_text()
     assert text.count("-12345.67") == text.count("-23456.78") == 2 * text.count("1234.50")
     assert "\u2026" not in text
+
+
+def test_model_with_an_error_of_a_sensor_says_that_predictions_do_not_correct_it() -> None:
+    """A diagnosis takes the antenna's place off what it compares; a prediction starts from what was recorded."""
+    ship = load_vessel("gunnerus_short")
+    moved = replace(ship, effects={"position_antenna_offset": {"forward_m": -9.0, "starboard_m": 0.0}})
+    assert "not corrected" not in str(choose_predictor({}, vessel=ship).choice)
+    assert "position antenna offset in its file are not corrected" in str(choose_predictor({}, vessel=moved).choice)

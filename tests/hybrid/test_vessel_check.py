@@ -88,6 +88,22 @@ def test_she_turns_to_the_side_of_the_helm_alike_to_both(check: VesselCheck) -> 
     assert "for ships of 100 m and more, not 28.9 m" in str(check)
 
 
+@pytest.mark.parametrize("moment_nm", [-1e5, 1e5])
+def test_ship_that_something_turns_is_course_stable_and_still_water_is_still(moment_nm: float) -> None:
+    """It comes to one rate of turn, to the side of the moment, from either side; the day's current has no part."""
+    current = {"speed_mps": 0.8, "direction_deg": 70.0}
+    turned = replace(GUNNERUS, effects={"yaw_asymmetry": {"moment_nm": moment_nm}})
+    check = check_vessel(turned)
+    assert check.course_stable
+    assert np.sign(check.amidships_dps) == np.sign(moment_nm)
+    side = "starboard" if moment_nm > 0.0 else "port"
+    assert f"deg/s to {side} from either side" in str(check)
+    of_day = check_vessel(replace(turned, effects={**turned.effects, "ocean_current": current}))
+    assert "without the ocean current" in str(of_day)
+    for own, in_current in zip(check.tests, of_day.tests, strict=True):
+        assert own.indices == in_current.indices
+
+
 def test_a_model_has_the_same_figures_in_lengths(check: VesselCheck) -> None:
     model = check_vessel(froude_scaled(GUNNERUS, 0.08))
     for own, of_model in zip(check.tests, model.tests, strict=True):

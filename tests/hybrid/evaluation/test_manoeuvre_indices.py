@@ -22,6 +22,7 @@ from seatrial.acquisition.core.errors import DataShortageError
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Current, Index, Manoeuvre
 from seatrial.analysis.manoeuvres.kinds import GATHERING_WAY
+from seatrial.analysis.manoeuvres.measures import SHAFTS_CHANGED
 from seatrial.analysis.tables.resample import resample
 from seatrial.analysis.windows.held import OneHertzTables
 from seatrial.hybrid.calibrators import make_calibrator
@@ -174,6 +175,20 @@ def test_a_zigzag_begun_while_gathering_way_is_replayed_only() -> None:
     assert found.rows
     assert all(row.predicted is None and row.replayed is not None for row in found.rows)
     assert any(GATHERING_WAY in note for note in notes_on_index_tables(found))
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.0, 1.3])
+def test_a_circle_in_which_the_shafts_were_changed_is_replayed_only(factor: float) -> None:
+    """The same test keeps its shaft speed: its rate of turn is no error of a model that keeps it."""
+    ship, rpm = load_vessel("gunnerus_short"), 140.0
+    legs = (steer(0.0, 60.0, rpm), *turning_circle(-20.0, factor * rpm)[1:2])
+    table, _ = simulate_trial(ship, STILL, legs, 260.0, 1.0, 3)
+    runs = find_manoeuvres(table, ship.dimensions.length_between_perpendiculars_m)
+    found = index_comparison([(table, runs)], predictor("gunnerus_short"))
+    is_same_test = factor == 1.0
+    assert found.rows
+    assert all((row.predicted is not None) == is_same_test for row in found.rows if row.replayed is not None)
+    assert any(SHAFTS_CHANGED in note for note in notes_on_index_tables(found)) is not is_same_test
 
 
 def test_model_that_turns_too_slowly_for_the_current_is_said() -> None:

@@ -22,7 +22,7 @@ from seatrial.hybrid.evaluation.predicted_indices import (
     uncertain_effects,
 )
 from seatrial.hybrid.identification.fit import with_values
-from seatrial.hybrid.identification.identify import indices_of_file
+from seatrial.hybrid.identification.identify import indices_of_file, uncertain_estimates
 from seatrial.hybrid.prediction.baselines import Interval
 from seatrial.hybrid.report.text import predicted_index_lines
 from seatrial.hybrid.simulation.index_table import IndexTable, PredictedIndex
@@ -143,6 +143,26 @@ def test_effects_move_the_indices_within_their_intervals() -> None:
     assert ends == pytest.approx([1.3, 1.7], rel=1e-5)
 
 
+def test_what_was_not_sailed_is_as_uncertain_as_the_file_says_and_in_still_water(sailed: pd.DataFrame) -> None:
+    """Of a zigzag nothing follows for the thrust astern, which the file calls estimated: the stop is as uncertain
+    as before. What was sailed shows how far a model is off, though nothing was fitted; and the day's current is no
+    part of a standard manoeuvre."""
+    ship = replace(SHIP, estimated={"propeller.astern_0": 0.3, "propeller.astern_1": 0.3})
+    day = replace(ship, effects={"ocean_current": {"speed_mps": 0.1, "direction_deg": 40.0}})
+    stated = {row.name: row.predicted for row in indices_of_file(ship).rows}
+    assert standard_indices(day) == standard_indices(ship)
+    table = index_table({"a": sailed}, ship, certain_vessel(ship), estimates=uncertain_estimates(ship))
+    rows = {(row.test, row.side, row.name): row for row in table.rows}
+    stop = rows["stopping with thrust astern", "", "track_reach_m"].predicted
+    before = stated["track_reach_m"]
+    assert stop is not None
+    assert before is not None
+    assert stop.high / stop.low >= 0.99 * before.high / before.low > 1.1
+    turn = rows["turning circle 35 deg", "port", "advance_m"].predicted
+    assert turn is not None
+    assert 1.0 < turn.high / turn.low < 1.3
+
+
 def test_errors_stated_in_a_vessel_file_give_its_manoeuvres_intervals() -> None:
     vessel = replace(SHIP, estimated={"hull.N_r": 0.1})
     assert reach(indices_of_file(vessel), "advance_m") > 0.01
@@ -153,3 +173,13 @@ def test_a_table_goes_to_json_and_back(sailed: pd.DataFrame) -> None:
     rows = json.loads(json.dumps(table.as_json()))
     assert {"name", "side", "measured", "before", "after", "predicted", "replayed"} <= set(rows[0])
     assert IndexTable.from_json(rows).as_json() == rows
+
+
+def test_a_measured_index_stands_with_its_interval() -> None:
+    """So that one of an antenna somewhere on the ship is not read as the ship's to a decimetre."""
+    measured = Index(45.7, 27.4, 64.0, "m")
+    row = PredictedIndex("turning circle 25 deg", "port", "transfer_m", measured, 55.9, 56.3, replayed=56.0)
+    lines = predicted_index_lines(IndexTable((row, replace(row, measured=None, replayed=None))))
+    assert lines.columns[0] == "measured"
+    assert lines.tests[0][1][0][1] == "45.7 ± 18"
+    assert lines.tests[0][1][1][1] == ""
