@@ -35,7 +35,7 @@ from seatrial.acquisition.core.quantities import (
     to_earth,
 )
 from seatrial.analysis import series
-from seatrial.analysis.quality.findings import ORDER_INTERPOLATED, check_orders
+from seatrial.analysis.quality.controls import ORDER_INTERPOLATED, check_orders
 from seatrial.analysis.quality.motion.model import heading_deviation, wild_heading_mask
 from seatrial.analysis.series import edges_of_runs, local_quadratic, robust_spread, white_noise_standard_deviation
 from seatrial.analysis.tables import table as tables

@@ -29,8 +29,15 @@ from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series
 from seatrial.acquisition.core.trial import Quality, iso_utc
 from seatrial.analysis import series
-from seatrial.analysis.quality import findings
-from seatrial.analysis.tables.table import NANO, TimedValues, table_controls, utc_index, valid_values
+from seatrial.analysis.quality import findings, time_checks
+from seatrial.analysis.tables.table import (
+    NANO,
+    TimedValues,
+    table_actuators,
+    table_controls,
+    utc_index,
+    valid_values,
+)
 
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0
@@ -57,6 +64,7 @@ _CHANCE = 1e-4
 _CONTROL_TURNS_DEG = (73.0, 131.0, 229.0, 287.0)
 """Not halves, thirds or quarters of a turn: samples on the lines crowd there."""
 
+REPEATED = "repeated"
 ALTERNATING = "alternating_levels"
 _FEWEST_TURNS = 8
 _FEWEST_STEPS = 16
@@ -252,7 +260,7 @@ class ChannelFaults:
             spikes.append(replace(stretch, size=abs(float(np.nanmedian(turns)))))
         return spikes
 
-    def quality(self, has_finding: bool, jumps: list[findings.ClockJump]) -> ChannelQuality:
+    def quality(self, has_finding: bool, jumps: list[time_checks.ClockJump]) -> ChannelQuality:
         """The channel in figures; ``has_finding`` is whether a finding is about it."""
         times, gaps, flags = self.samples.measured_ns, self.listed["gap"], self.flags()
         span_s = float(times.max() - times.min()) / NANO if times.size else 0.0
@@ -296,7 +304,7 @@ def find_channel_faults(
         series.Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / NANO)
         for at in np.flatnonzero(np.diff(times) < 0)
     ]
-    jitter = findings.jitter_s(times)
+    jitter = time_checks.jitter_s(times)
     jitters = jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * series.median_interval_ns(times)
     masks = {
         "stuck": np.zeros(times.size, dtype=bool) if steady else series.find_stuck(sound, channel, rate),
@@ -458,6 +466,34 @@ def _lines_across_seam(time_s: Floats, from_seam_deg: Floats, expected_deg: Floa
         wrong[inside] |= deviation_deg > limit_deg
     passes = (np.abs(step_deg) > whole_deg) & ~wrong[:-1] & ~wrong[1:]
     return _Lines(wrong, int(series.edges_of_runs(wrong)[0].size), len(certain), int(passes.sum()), elsewhere)
+
+
+def check_repeats(table: pd.DataFrame) -> findings.CheckResult:
+    """Find channels of the motion and angles that repeat the values of a slower source (``repeated``).
+
+    ``estimate``: the time between the source's own values, ``period_s``. Repeats are as late as they are old, and
+    flagged suspect.
+    """
+    angles = [actuator.angle.name for actuator in table_actuators(table) if actuator.angle is not None]
+    names = [name for name in (*ship.POSE_AND_VELOCITY, *angles) if name in table]
+    flags, faults, index = findings.uniform_flags(table, names), list[findings.Finding](), utc_index(table)
+    for name in names:
+        samples = series.finite_samples(table, name)
+        rows, period_s = series.find_repeats(samples, is_command=name in angles)
+        if not rows.size:
+            continue
+        findings.set_flags(flags, name, rows, Quality.SUSPECT)
+        late_s = 0.5 * (period_s - float(np.median(np.diff(samples.time_s))))
+        text = (
+            f"{name} has a new value every {period_s:.3g} s and repeats it in between, so that it is late by "
+            f"{late_s:.2g} s on average"
+        )
+        remedy = "Record each value once, when it is new; --repair leaves the repeats out"
+        start, end = index[samples.rows[[0, -1]]]
+        faults.append(
+            findings.Finding(REPEATED, name, start, end, text, remedy, {"period_s": period_s}, certain=True)
+        )
+    return findings.CheckResult(flags, tuple(faults))
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,15 +25,13 @@ from seatrial.acquisition.core import errors, files, ship, trial
 from seatrial.acquisition.core.quantities import Bools, Floats, integrate
 from seatrial.acquisition.recording import reader, writer
 from seatrial.analysis.quality import check, wind
-from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, is_checked_angle, seam_line_mask
+from seatrial.analysis.quality.channel_checks import REPEATED, WRAP_INTERPOLATED, is_checked_angle, seam_line_mask
+from seatrial.analysis.quality.controls import ORDER_INTERPOLATED, hold_orders
 from seatrial.analysis.quality.findings import (
     ALL,
-    ORDER_INTERPOLATED,
     OTHER_TURN,
-    REPEATED,
     Finding,
     Flags,
-    hold_orders,
 )
 from seatrial.analysis.quality.motion.findings import delays_in_findings
 from seatrial.analysis.quality.motion.positions import reconstruct_heading, reconstruct_positions
