@@ -205,9 +205,9 @@ class _Pages:
     def index(self) -> str:
         rows = self._season.rows()
         waiting = sum(row["status"] == batch.WAITING for row in rows)
-        live = {"nonce": g.nonce, "token": self._token, "upload_mb": self._upload_mb, "waiting": waiting}
+        served = {"nonce": g.nonce, "token": self._token, "upload_mb": self._upload_mb, "waiting": waiting}
         rows = [{**row, "report": (self._season.out / row["name"] / "report.html").is_file()} for row in rows]
-        return index_page(rows, batch.failures_by_cause(rows), self._season.folder.resolve().name, live).html
+        return index_page(rows, batch.failures_by_cause(rows), self._season.folder.resolve().name, served).html
 
     def trial(self, name: str) -> str:
         row = self._row_of(name)

@@ -139,7 +139,7 @@ def find_spikes(samples: Series, channel: ship.Channel) -> Bools:
     group, noise = series.check_group(channel), np.zeros(values.size)
     rate, acceleration = (limits.get(group, 0.0) for limits in (_POSSIBLE_RATE, _POSSIBLE_ACCELERATION))
     for width in range(1, WIDEST_SPIKE + 1):
-        usual, leaving, span = _departures_from_line(seconds, values, slope, width)
+        usual, leaving, span = _departures_from_chord(seconds, values, slope, width)
         noise = np.maximum(noise, usual)
         possible = rate * span / 2.0 + acceleration * span**2 / 8.0
         limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(sustained, possible))
@@ -154,7 +154,7 @@ def find_spikes(samples: Series, channel: ship.Channel) -> Bools:
     return bad
 
 
-def _departures_from_line(
+def _departures_from_chord(
     seconds: Floats, values: Floats, slope: Floats, width: int
 ) -> tuple[Floats, Floats, Floats]:
     """By the first of ``width`` samples: how far such samples usually are to one side of the line from the sample
@@ -350,7 +350,7 @@ def check_heading_wrap(table: pd.DataFrame) -> findings.CheckResult:
     names = tuple(name for name in judged if name in table)
     flags, index, faults = findings.uniform_flags(table, names), utc_index(table), []
     for name in names:
-        rows, places = _seam_lines(table, name)
+        rows, places = _interpolated_across_seam(table, name)
         findings.set_flags(flags, name, rows, Quality.BAD)
         if places:
             seam = "360 and 0" if ship.BY_NAME[name].low == 0.0 else "180 and -180"
@@ -365,14 +365,14 @@ def check_heading_wrap(table: pd.DataFrame) -> findings.CheckResult:
     return findings.CheckResult(flags, tuple(faults))
 
 
-def seam_line_mask(table: pd.DataFrame, name: str) -> Bools:
+def wrap_interpolation_mask(table: pd.DataFrame, name: str) -> Bools:
     """Whether each value of an angle lies on a straight line through its seam: [rows]."""
     wrong = np.zeros(len(table), np.bool_)
-    wrong[_seam_lines(table, name)[0]] = True
+    wrong[_interpolated_across_seam(table, name)[0]] = True
     return wrong
 
 
-def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
+def _interpolated_across_seam(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
     """The rows of samples on lines through the seam and the number of places; none where chance explains them.
 
     A spike that happens to stand where the ship passes north looks the same. It would stand as often where it
@@ -394,22 +394,22 @@ def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
         return nothing
     limit_deg = max(10.0 * scatter_deg, _SMALLEST_DEG)
     from_seam = ship.wrap_360(value - channel.low)
-    lines = _lines_across_seam(time_s, from_seam, expected_deg, limit_deg)
+    excursions = _excursions_across_seam(time_s, from_seam, expected_deg, limit_deg)
     # Spikes affect few of the passages, or no more than the excursions elsewhere make likely.
-    passages = lines.affected_passages + lines.clean_passages
-    share = _CHANCE + 3.0 * lines.elsewhere / lines.wrong.size
-    by_chance = float(special.bdtrc(lines.affected_passages - 1, passages, min(share, 1.0)))
-    could_be_spikes = lines.affected_passages < _FEWEST_AFFECTED * passages or by_chance > 0.01
-    if lines.places < (1 if name == "heading_deg" else 3) or could_be_spikes:
+    passages = excursions.affected_passages + excursions.clean_passages
+    share = _CHANCE + 3.0 * excursions.elsewhere / excursions.wrong.size
+    by_chance = float(special.bdtrc(excursions.affected_passages - 1, passages, min(share, 1.0)))
+    could_be_spikes = excursions.affected_passages < _FEWEST_AFFECTED * passages or by_chance > 0.01
+    if excursions.places < (1 if name == "heading_deg" else 3) or could_be_spikes:
         return nothing
     control_places = [
-        _lines_across_seam(time_s, ship.wrap_360(from_seam + turn), expected_deg, limit_deg).places
+        _excursions_across_seam(time_s, ship.wrap_360(from_seam + turn), expected_deg, limit_deg).places
         for turn in _CONTROL_TURNS_DEG
     ]
-    return (rows[lines.wrong], lines.places) if lines.places > 3 * max(control_places) else nothing
+    return (rows[excursions.wrong], excursions.places) if excursions.places > 3 * max(control_places) else nothing
 
 
-class _Lines(NamedTuple):
+class _SeamExcursions(NamedTuple):
     """The samples on lines across the circle [n], on how many ``places``, and the evidence for spikes instead."""
 
     wrong: Bools
@@ -420,7 +420,9 @@ class _Lines(NamedTuple):
     """Excursions of the same kind that have nothing to do with the seam."""
 
 
-def _lines_across_seam(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float) -> _Lines:
+def _excursions_across_seam(
+    time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float
+) -> _SeamExcursions:
     """Lines across the circle of angles that are counted from the seam.
 
     Groups of consecutive steps that the rate of turn does not explain are lines where their ends agree with it on
@@ -465,7 +467,8 @@ def _lines_across_seam(time_s: Floats, from_seam_deg: Floats, expected_deg: Floa
     for inside, deviation_deg in (*certain, *(swings if len(certain) >= 3 else ())):
         wrong[inside] |= deviation_deg > limit_deg
     passes = (np.abs(step_deg) > whole_deg) & ~wrong[:-1] & ~wrong[1:]
-    return _Lines(wrong, int(series.edges_of_runs(wrong)[0].size), len(certain), int(passes.sum()), elsewhere)
+    places = int(series.edges_of_runs(wrong)[0].size)
+    return _SeamExcursions(wrong, places, len(certain), int(passes.sum()), elsewhere)
 
 
 def check_repeats(table: pd.DataFrame) -> findings.CheckResult:

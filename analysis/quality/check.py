@@ -441,7 +441,7 @@ def group_findings_by_cause(
     """The causes of findings, in the order of their first ones.
 
     ``gaps`` and ``sources`` are those of each channel, ``events`` the recording's log, of which a cause quotes the
-    first two entries and the last on its lines, or of the recorder, in its stretches of time.
+    first two entries and the last on its sources, or of the recorder, in its stretches of time.
     """
     groups: list[list[quality.Finding]] = []
     for finding in findings:
@@ -455,7 +455,7 @@ def group_findings_by_cause(
     causes = []
     for group in groups:
         channels = tuple(dict.fromkeys(finding.channel for finding in group))
-        lines = tuple(sorted({line for name in channels for line in _source_lines_of_channel(sources, name)}))
+        names = tuple(sorted({name for channel in channels for name in _source_names_of_channel(sources, channel)}))
         spans = [(gap.start_ns, gap.end_ns) for name in channels for gap in gaps.get(name, ())]
         if group[0].code != "gap":
             spans = []
@@ -463,11 +463,11 @@ def group_findings_by_cause(
             spans = [(finding.start.value, finding.end.value) for finding in group]
         texts = [
             event.text for event in log
-            if event.source in ("", *lines)
+            if event.source in ("", *names)
             and any(start <= event.time_ns <= end + slack_ns for start, end in spans)
         ]  # fmt: skip
         texts = texts if len(texts) <= 3 else [*texts[:2], texts[-1]]
-        causes.append(Cause(tuple(group), channels, lines, tuple(dict.fromkeys(texts))))
+        causes.append(Cause(tuple(group), channels, names, tuple(dict.fromkeys(texts))))
     return tuple(causes)
 
 
@@ -489,8 +489,8 @@ def _have_same_cause(
         )  # fmt: skip
         longest_s = max(sum(gap.seconds for gap in silences) for silences in (first, second))
         return together_s > 0.0 and together_s >= _ALIKE * longest_s
-    lines = _source_lines_of_channel(sources, finding.channel)
-    if not lines or lines != _source_lines_of_channel(sources, member.channel):
+    names = _source_names_of_channel(sources, finding.channel)
+    if not names or names != _source_names_of_channel(sources, member.channel):
         return False
     if finding.code in _OF_TIME:  # what they have in common is most of the time of both
         common_s = (min(finding.end, member.end) - max(finding.start, member.start)).total_seconds()
@@ -502,8 +502,8 @@ def _have_same_cause(
     return same_span and None not in counts and counts[0] == counts[1]
 
 
-def _source_lines_of_channel(sources: Mapping[str, Sequence[str]], channel: str) -> frozenset[str]:
-    """The lines, or tables, that a channel's samples came from: a label's beginning."""
+def _source_names_of_channel(sources: Mapping[str, Sequence[str]], channel: str) -> frozenset[str]:
+    """The sources, or tables, that a channel's samples came from: a label's beginning."""
     return frozenset(
         label.partition("/")[0].partition(":")[0].partition(" ")[0] for label in sources.get(channel, ())
     )

@@ -123,7 +123,7 @@ def order_ramps(table: pd.DataFrame, name: str, samples: series.Samples) -> Ramp
     if value.size <= _FEWEST_STEPS:
         return _NO_RAMPS
     before_s, after_s = np.diff(time_s)[:-1], np.diff(time_s)[1:]
-    line = (value[:-2] * after_s + value[2:] * before_s) / (before_s + after_s)
+    interpolated = (value[:-2] * after_s + value[2:] * before_s) / (before_s + after_s)
     scale, span = float(np.abs(value).max()) or 1.0, np.ptp(value)
     exact = (
         decimals for decimals in range(3, 7)
@@ -132,7 +132,7 @@ def order_ramps(table: pd.DataFrame, name: str, samples: series.Samples) -> Ramp
     # How far a value on a line may be off it: twice the file's last decimal, if that is fine, else 1e-9.
     rounding = next((10.0**-decimals for decimals in exact), _ROUNDING * scale)
     slopes = np.abs(value[2:] - value[:-2]) > 8.0 * rounding
-    first, stop = series.edges_of_runs((np.abs(value[1:-1] - line) <= rounding) & slopes)
+    first, stop = series.edges_of_runs((np.abs(value[1:-1] - interpolated) <= rounding) & slopes)
     last = stop + 1  # of a run of middles i..j in the inner samples, the line begins at i and ends at j + 2
     enough = last - first >= _FEWEST_STEPS
     first, last = first[enough], last[enough]

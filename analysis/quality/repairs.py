@@ -25,7 +25,12 @@ from seatrial.acquisition.core import errors, files, ship, trial
 from seatrial.acquisition.core.quantities import Bools, Floats, integrate
 from seatrial.acquisition.recording import reader, writer
 from seatrial.analysis.quality import check, wind
-from seatrial.analysis.quality.channel_checks import REPEATED, WRAP_INTERPOLATED, is_checked_angle, seam_line_mask
+from seatrial.analysis.quality.channel_checks import (
+    REPEATED,
+    WRAP_INTERPOLATED,
+    is_checked_angle,
+    wrap_interpolation_mask,
+)
 from seatrial.analysis.quality.controls import ORDER_INTERPOLATED, hold_orders
 from seatrial.analysis.quality.findings import (
     ALL,
@@ -244,7 +249,7 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
         value = table[name].to_numpy(dtype=float, copy=True)
         if name in flags:
             bad = within & (np.asarray(flags[name]) == trial.Quality.BAD)
-            value[bad & ~seam_line_mask(table, name) if is_checked_angle(table, name) else bad] = np.nan
+            value[bad & ~wrap_interpolation_mask(table, name) if is_checked_angle(table, name) else bad] = np.nan
         channel = ship.find_channel(name, ship.channels_by_name_of(table.attrs))
         if finding.code == "out_of_range" and channel is not None:
             value[~ship.possible_mask(channel, value)] = np.nan
@@ -303,7 +308,7 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     neighbours is shared out linearly. In holes beyond 10 s (60 s with a yaw rate) they become gaps.
     """
     name = finding.channel
-    invalid = seam_line_mask(table, name) if name in table else np.zeros(len(table), np.bool_)
+    invalid = wrap_interpolation_mask(table, name) if name in table else np.zeros(len(table), np.bool_)
     if not invalid.any():
         return _NOTHING
     value = table[name].to_numpy(dtype=float, copy=True)
