@@ -417,20 +417,20 @@ def map_calls(
     """
     workers, results = workers or os.cpu_count() or 1, dict[int, Any]()
 
-    def keep(number: int, result: Any) -> None:
+    def store_result(number: int, result: Any) -> None:
         results[number] = result
         finished(number, result)
         progress(len(results) / len(calls))
 
     if workers < 2:
         for number, (function, *arguments) in enumerate(calls):
-            keep(number, function(*arguments))
+            store_result(number, function(*arguments))
         return [results[number] for number in range(len(calls))]
     with _dask_client(workers, None) as client:
         futures = {client.submit(_on_one_core, *call, pure=False): number for number, call in enumerate(calls)}
         try:
             for future in import_module("distributed").as_completed(futures, loop=client.loop):
-                keep(futures[future], future.result())
+                store_result(futures[future], future.result())
             return [results[number] for number in range(len(calls))]
         except BaseException:
             client.cancel(list(futures), force=True)
@@ -584,7 +584,9 @@ class BatchRemainder:
     estimate_s: float | None
 
     @classmethod
-    def after(cls, rows: Sequence[Row], selected: Ints, sizes: Sequence[int], elapsed_s: float) -> BatchRemainder:
+    def from_sample(
+        cls, rows: Sequence[Row], selected: Ints, sizes: Sequence[int], elapsed_s: float
+    ) -> BatchRemainder:
         """What the sample in ``rows`` left, and its time by the bytes that were processed anew in ``elapsed_s``."""
         processed = sum(sizes[number] for row, number in zip(rows, selected, strict=True) if not row.get("reused"))
         size = sum(sizes) - sum(sizes[number] for number in selected)
@@ -719,7 +721,9 @@ def _run_batch(
     with lock_batch_folder(out):
         start_s = time.monotonic()
         rows = run_jobs([jobs[number] for number in selected], task or process_job, workers, scheduler, progress)
-        remainder = BatchRemainder.after(rows, selected, sizes, time.monotonic() - start_s) if sample else None
+        remainder = (
+            BatchRemainder.from_sample(rows, selected, sizes, time.monotonic() - start_s) if sample else None
+        )
         for row, paths in zip(rows, (recordings[number] for number in selected), strict=True):
             row["path"] = errors.printable_path(paths[0].relative_to(folder))
         if store:

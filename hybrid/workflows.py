@@ -895,9 +895,9 @@ def run_in_processes(*calls: partial[None]) -> Iterator[None]:
     Raises :class:`SeatrialError` for a call that fails; an error of this process ends the others.
     """
     processors = sorted(os.sched_getaffinity(0))
-    kept = max(1, min(2, len(processors) - 1))
+    own_count = max(1, min(2, len(processors) - 1))
 
-    def started(call: partial[None]) -> subprocess.Popen[str]:
+    def start_worker(call: partial[None]) -> subprocess.Popen[str]:
         code = f"from seatrial.hybrid import workflows; workflows.{call.func.__name__}(*{call.args!r})"
         worker = stack.enter_context(
             subprocess.Popen([sys.executable, "-P", "-c", code], stderr=subprocess.PIPE, text=True)
@@ -907,19 +907,19 @@ def run_in_processes(*calls: partial[None]) -> Iterator[None]:
         os.sched_setscheduler(worker.pid, os.SCHED_IDLE, os.sched_param(0))
         return worker
 
-    def divide(own: Sequence[int], of_calls: Sequence[int]) -> None:
-        os.sched_setaffinity(0, own)
+    def assign_processors(own_processors: Sequence[int], worker_processors: Sequence[int]) -> None:
+        os.sched_setaffinity(0, own_processors)
         for worker in workers:
             with suppress(ProcessLookupError):  # it has ended
-                os.sched_setaffinity(worker.pid, of_calls)
+                os.sched_setaffinity(worker.pid, worker_processors)
 
     with ExitStack() as stack:
-        workers = [started(call) for call in calls]
+        workers = [start_worker(call) for call in calls]
         try:
-            divide(processors[:kept], processors[kept:] or processors)
+            assign_processors(processors[:own_count], processors[own_count:] or processors)
             yield
         finally:
-            divide(processors, processors)
+            assign_processors(processors, processors)
         for call, worker in zip(calls, workers, strict=True):
             _, stderr = worker.communicate()
             if worker.returncode:

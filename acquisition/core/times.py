@@ -201,7 +201,7 @@ def _date_or_none(numbers: Sequence[int], order: Order) -> dt.date | None:
     return None
 
 
-def time_of_day_ns(time_text: str, fraction: str | None, half: str | None = None) -> int | None:
+def time_of_day_ns(time_text: str, fraction: str | None, am_or_pm: str | None = None) -> int | None:
     """A time of day as ns since midnight; None where there is no such time.
 
     >>> time_of_day_ns("17:33:21", "107") == time_of_day_ns("05h33m21", "107", "p") == 63_201_107_000_000
@@ -211,10 +211,10 @@ def time_of_day_ns(time_text: str, fraction: str | None, half: str | None = None
     if ":" not in time_text:
         time_text = f"{time_text[:2]}:{time_text[2:4]}:{time_text[4:]}"
     hours, minutes, seconds = (int(part) for part in f"{time_text}:0".split(":")[:3])
-    if half:
+    if am_or_pm:
         if not 1 <= hours <= 12:
             return None
-        hours = hours % 12 + (12 if half in "pP" else 0)
+        hours = hours % 12 + (12 if am_or_pm in "pP" else 0)
     if hours > 23 or minutes > 59 or seconds > 59:
         return None
     return (3600 * hours + 60 * minutes + seconds) * NANO + int((fraction or "")[:9].ljust(9, "0"))

@@ -30,14 +30,7 @@ from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series
 from seatrial.acquisition.core.trial import Quality, iso_utc
 from seatrial.analysis import series
 from seatrial.analysis.quality import findings, time_checks
-from seatrial.analysis.tables.table import (
-    NANO,
-    TimedValues,
-    table_actuators,
-    table_controls,
-    utc_index,
-    valid_values,
-)
+from seatrial.analysis.tables import table as tables
 
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0
@@ -101,10 +94,10 @@ def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None =
         return []
     limit = 2.5 * float(np.quantile(steps[steps > 0], [0.5, 0.95]).max())
     places = np.flatnonzero(steps > limit)
-    gaps = [series.Stretch(int(times[at]), int(times[at + 1]), float(steps[at]) / NANO) for at in places]
+    gaps = [series.Stretch(int(times[at]), int(times[at + 1]), float(steps[at]) / tables.NANO) for at in places]
     for first, last in ((start_ns, int(times[0])), (int(times[-1]), end_ns)):
-        if first is not None and last is not None and last - first > max(limit, 10 * NANO):
-            gaps.append(series.Stretch(first, last, (last - first) / NANO))
+        if first is not None and last is not None and last - first > max(limit, 10 * tables.NANO):
+            gaps.append(series.Stretch(first, last, (last - first) / tables.NANO))
     return sorted(gaps)
 
 
@@ -121,7 +114,7 @@ def find_spikes(samples: Series, channel: ship.Channel) -> Bools:
     """
     places, times, values = series.sort_by_time(samples, channel)
     bad = np.zeros(samples.value.size, dtype=bool)
-    seconds = (times - times[:1]) / NANO
+    seconds = (times - times[:1]) / tables.NANO
     distinct = np.diff(seconds, prepend=-1.0) > 0
     places, seconds, values = places[distinct], seconds[distinct], values[distinct]
     if values.size < 16:
@@ -237,7 +230,7 @@ class ChannelFaults:
         flags = np.full(self.samples.value.size, Quality.GOOD, dtype=np.uint8)
         suspect = self.masks["duplicate"] | self.masks["time_backwards"] | self.masks["marked_suspect"]
         flags[suspect] = Quality.SUSPECT
-        unknown = np.isnan(valid_values(self.samples))
+        unknown = np.isnan(tables.valid_values(self.samples))
         flags[self.masks["stuck"] | self.masks["spike"] | self.masks["out_of_range"] | unknown] = Quality.BAD
         return flags
 
@@ -249,7 +242,7 @@ class ChannelFaults:
         stretches = series.flagged_stretches(self.samples.measured_ns, self.masks[code])
         if code != "spike":
             return stretches
-        values, spikes = valid_values(self.samples), []
+        values, spikes = tables.valid_values(self.samples), []
         for stretch in stretches:
             at = int(np.flatnonzero(self.samples.measured_ns == stretch.start_ns)[0])
             neighbours = values[max(at - 4, 0) : at + 7]
@@ -263,8 +256,8 @@ class ChannelFaults:
     def quality(self, has_finding: bool, jumps: list[time_checks.ClockJump]) -> ChannelQuality:
         """The channel in figures; ``has_finding`` is whether a finding is about it."""
         times, gaps, flags = self.samples.measured_ns, self.listed["gap"], self.flags()
-        span_s = float(times.max() - times.min()) / NANO if times.size else 0.0
-        interval = series.median_interval_ns(times) / NANO
+        span_s = float(times.max() - times.min()) / tables.NANO if times.size else 0.0
+        interval = series.median_interval_ns(times) / tables.NANO
         jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
         silent_s = sum(gap.size for gap in gaps if (gap.start_ns, gap.end_ns) not in jumped)
         missing = round(silent_s / interval) if interval else 0
@@ -286,7 +279,7 @@ class ChannelFaults:
 def find_channel_faults(
     channel: ship.Channel,
     samples: Series,
-    rate: TimedValues | None = None,
+    rate: tables.TimedValues | None = None,
     bounds_ns: tuple[int, int] | None = None,
     assumed: bool = False,
 ) -> ChannelFaults:
@@ -297,15 +290,15 @@ def find_channel_faults(
     """
     times, steady = samples.measured_ns, assumed or channel.state or ship.is_order_channel(channel.name)
     outside = ~ship.possible_mask(channel, samples.value) & ~np.isnan(samples.value)
-    sound = replace(samples, value=np.where(outside, np.nan, valid_values(samples)))
+    sound = replace(samples, value=np.where(outside, np.nan, tables.valid_values(samples)))
     behind = np.zeros(times.size, dtype=bool)
     behind[1:] = times[1:] < np.maximum.accumulate(times)[:-1]
     steps_back = [
-        series.Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / NANO)
+        series.Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / tables.NANO)
         for at in np.flatnonzero(np.diff(times) < 0)
     ]
     jitter = time_checks.jitter_s(times)
-    jitters = jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * series.median_interval_ns(times)
+    jitters = jitter * np.sqrt(2.0) * tables.NANO > JITTER_SHARE * series.median_interval_ns(times)
     masks = {
         "stuck": np.zeros(times.size, dtype=bool) if steady else series.find_stuck(sound, channel, rate),
         "spike": np.zeros(times.size, dtype=bool) if steady else find_spikes(sound, channel),
@@ -337,7 +330,7 @@ def grade_of(flagged: dict[int, int], missing: int, has_finding: bool) -> Grade:
 
 def is_checked_angle(table: pd.DataFrame, name: str) -> bool:
     """Whether a channel is an angle that :func:`check_heading_wrap` judges: heading, wind, an actuator's."""
-    return name in _ALWAYS_CHECKED or (name in table_controls(table) and ship.is_circular(name))
+    return name in _ALWAYS_CHECKED or (name in tables.table_controls(table) and ship.is_circular(name))
 
 
 def check_heading_wrap(table: pd.DataFrame) -> findings.CheckResult:
@@ -346,9 +339,9 @@ def check_heading_wrap(table: pd.DataFrame) -> findings.CheckResult:
     Judges the heading, the wind's direction and the azimuths, one finding a channel; the samples on the
     lines are flagged bad. ``estimate`` says how many ``samples`` on how many ``places``.
     """
-    judged = (name for name in (*_ALWAYS_CHECKED, *table_controls(table)) if is_checked_angle(table, name))
+    judged = (name for name in (*_ALWAYS_CHECKED, *tables.table_controls(table)) if is_checked_angle(table, name))
     names = tuple(name for name in judged if name in table)
-    flags, index, faults = findings.uniform_flags(table, names), utc_index(table), []
+    flags, index, faults = findings.uniform_flags(table, names), tables.utc_index(table), []
     for name in names:
         rows, places = _interpolated_across_seam(table, name)
         findings.set_flags(flags, name, rows, Quality.BAD)
@@ -477,9 +470,9 @@ def check_repeats(table: pd.DataFrame) -> findings.CheckResult:
     ``estimate``: the time between the source's own values, ``period_s``. Repeats are as late as they are old, and
     flagged suspect.
     """
-    angles = [actuator.angle.name for actuator in table_actuators(table) if actuator.angle is not None]
+    angles = [actuator.angle.name for actuator in tables.table_actuators(table) if actuator.angle is not None]
     names = [name for name in (*ship.POSE_AND_VELOCITY, *angles) if name in table]
-    flags, faults, index = findings.uniform_flags(table, names), list[findings.Finding](), utc_index(table)
+    flags, faults, index = findings.uniform_flags(table, names), list[findings.Finding](), tables.utc_index(table)
     for name in names:
         samples = series.finite_samples(table, name)
         rows, period_s = series.find_repeats(samples, is_command=name in angles)

@@ -354,7 +354,7 @@ def check_exchanged_feedback(table: pd.DataFrame) -> CheckResult:
         if not all(name in table and table[name].notna().any() for name in (*names, *orders)):
             continue
         values = _on_common_times(table, (*names, *orders))
-        own, other, apart = _differences(values, circular=first.circular)
+        own, other, apart = _rms_differences(values, circular=first.circular)
         if own.size < _PARTS or (apart < _LEAST[first.unit]).any() or (own < _NEARER * other).any():
             continue
         whole = {name: float(np.sqrt(np.mean(part**2))) for name, part in (("own", own), ("other", other))}
@@ -382,7 +382,7 @@ def _on_common_times(table: pd.DataFrame, names: tuple[str, ...]) -> Floats:
     ])  # fmt: skip
 
 
-def _differences(values: Floats, *, circular: bool) -> tuple[Floats, Floats, Floats]:
+def _rms_differences(values: Floats, *, circular: bool) -> tuple[Floats, Floats, Floats]:
     """Root mean squares by part of the time: feedback less own and other orders, and of the orders themselves.
 
     Each is empty for too short a time.

@@ -162,20 +162,23 @@ def utc_timestamp(time_ns: int) -> pd.Timestamp:
 
 
 def findings_of_code(
-    code: str, by_channel: StretchesByChannel, channels: Mapping[str, ship.Channel]
+    code: str, stretches_by_channel: StretchesByChannel, channels: Mapping[str, ship.Channel]
 ) -> list[Finding]:
     """Findings of one code: what all ``channels`` have in common once, the rest by channel."""
     common: set[tuple[int, int]] = set()
-    if len(by_channel) == len(channels) > 1:
+    if len(stretches_by_channel) == len(channels) > 1:
         common = set.intersection(
-            *({(stretch.start_ns, stretch.end_ns) for stretch in stretches} for stretches in by_channel.values())
+            *(
+                {(stretch.start_ns, stretch.end_ns) for stretch in stretches}
+                for stretches in stretches_by_channel.values()
+            )
         )
     findings = []
     if common:
-        first = next(iter(by_channel.values()))
+        first = next(iter(stretches_by_channel.values()))
         together = [stretch for stretch in first if (stretch.start_ns, stretch.end_ns) in common]
         findings.append(_finding_of_stretches(code, ALL, "", together))
-    for name, stretches in by_channel.items():
+    for name, stretches in stretches_by_channel.items():
         separate = [stretch for stretch in stretches if (stretch.start_ns, stretch.end_ns) not in common]
         if separate:
             findings.append(_finding_of_stretches(code, name, channels[name].unit, separate))

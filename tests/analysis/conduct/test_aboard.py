@@ -655,9 +655,9 @@ def test_keys_skip_abort_repeat_and_note(recorder: RecorderOfDay) -> None:
     recorder.write(40)
     trial.poll()
     for key in "ntug alongside\n":
-        aboard._type(key, typed, trial)
+        aboard._handle_key(key, typed, trial)
     for key in "asr":
-        aboard._type(key, typed, trial)
+        aboard._handle_key(key, typed, trial)
     assert [run.outcome for run in trial.conductor.sailed] == ["aborted", "skipped"]
     assert trial.conductor.place == trial.conductor.sailed[-1].place
     trial.poll()
