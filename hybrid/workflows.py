@@ -244,7 +244,7 @@ class DiagnosisRun:
 DiagnosedShip = vessel_files.Vessel | BlackBox
 
 
-def _not_asked(model: BlackBox) -> dict[str, str]:
+def _provenance_of_simulator_diagnosis(model: BlackBox) -> dict[str, str]:
     """What no diagnosis with a simulator can ask, and how it is pushed, for its provenance."""
     mass_t = assumed_inertia(model.length_between_perpendiculars_m)[0] / 1e3
     pushed = "its input for accelerations" if model.spec.takes_acceleration else "half before each step, half after"
@@ -281,7 +281,7 @@ def diagnose_tables(
     looked_for_wind = considered != available and STEADY_WIND.name in searched
     wind_remark = {"wind": "not recorded: only a steady one was looked for"} if looked_for_wind else {}
     conclusion = verdict.diagnose(tables, vessel, tolerance, searched, progress)
-    asked = {} if isinstance(vessel, vessel_files.Vessel) else _not_asked(vessel)
+    asked = {} if isinstance(vessel, vessel_files.Vessel) else _provenance_of_simulator_diagnosis(vessel)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **asked, **wind_remark})
     names = [effect.name for effect in diagnosis.effects] + [suspect.name for suspect in diagnosis.suspects]
     names += [name for group in diagnosis.indistinguishable for name in group]

@@ -272,15 +272,13 @@ def names_tai(text: str) -> bool:
     return _TAI.search(text) is not None and "UTC" not in text.upper()
 
 
-def infer_date_order(
-    stamps: Sequence[Stamp], stated: Iterable[tuple[Stamp, int]] = (), default: Order = "month-first"
-) -> tuple[Order, str]:
+def infer_date_order(stamps: Sequence[Stamp], stated: Iterable[tuple[Stamp, int]] = ()) -> tuple[Order, str]:
     """The order of the numbers in a log's dates, and why; the reason is empty where nothing decides.
 
     ``stated`` are stamps with a UTC [ns] of another origin, such as a receiver's sentence. What decides is, in this
     order: which is possible for all; which agrees with ``stated``; by which the log lasts at most a month, and a
     tenth of what it lasts by the other; with slashes, that two digits of a year stand last (:data:`YEAR_LAST`).
-    ``default`` is taken where nothing decides.
+    The month comes first where nothing decides.
     """
     possible = [order for order in ORDERS if all(order in stamp.orders for stamp in stamps)]
     if len(possible) == 1:
@@ -302,4 +300,4 @@ def infer_date_order(
         return spans[0][1], f"else it would last {spans[1][0]:.0f} days"
     if len(year_last) == 1 and all(_SLASHED.search(stamp.text) for stamp in stamps):
         return year_last[0], YEAR_LAST
-    return (default if default in possible or not possible else possible[0]), ""
+    return ("month-first" if "month-first" in possible or not possible else possible[0]), ""

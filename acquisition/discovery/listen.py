@@ -169,13 +169,13 @@ def _receive_frames(
         source.close()
 
 
-def find_baud_rate(read_at: Callable[[int], bytes], baud_rates: Sequence[int] = BAUD_RATES) -> int:
+def find_baud_rate(read_at: Callable[[int], bytes]) -> int:
     """The first rate at which the bytes of ``read_at`` hold valid messages; the first of all if no bytes come.
 
     Raises :class:`SourceError` if bytes come that are valid at no rate.
     """
     has_bytes = False
-    for baud_rate in baud_rates:
+    for baud_rate in BAUD_RATES:
         received = read_at(baud_rate)
         has_bytes = has_bytes or bool(received)
         if max(_count_valid_bytes([received])):
@@ -183,9 +183,9 @@ def find_baud_rate(read_at: Callable[[int], bytes], baud_rates: Sequence[int] = 
     if has_bytes:
         fix = "give the rate as /dev/ttyUSB0@RATE; check the polarity of the line"
         raise errors.SourceError(
-            f"bytes come, but make no sense at {', '.join(map(str, sorted(baud_rates)))} baud", fix=fix
+            f"bytes come, but make no sense at {', '.join(map(str, sorted(BAUD_RATES)))} baud", fix=fix
         )
-    return baud_rates[0]
+    return BAUD_RATES[0]
 
 
 def interpret_frames(place: ListeningPlace, received: Sequence[Frame]) -> Capture:
