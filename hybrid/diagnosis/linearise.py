@@ -215,7 +215,7 @@ def linearise(
     Raises :class:`ConfigurationError` for an effect whose bounds are narrower than its typical size, and
     :class:`InputError` if the log and the model have different actuators.
     """
-    sensors.require_same_ship(log.actuators, model.base)
+    sensors.check_ship(log.actuators, model.base)
     parts = attrgetter(*(attribute.name for attribute in fields(LinearModel)))
     stages = model.stages(log)
     linear = LinearModel(

@@ -95,7 +95,7 @@ def recorded_motion(table: pd.DataFrame, plant: MotionModel) -> RecordedMotion:
     Raises :class:`InputError` for a ship with other actuators, or without position, heading or controls.
     """
     actuators = table_actuators(table)
-    sensors.require_same_ship(actuators, plant)
+    sensors.check_ship(actuators, plant)
     require(
         table, tuple(channel.name for actuator in actuators if actuator.drives for channel in actuator.channels)
     )

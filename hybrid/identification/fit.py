@@ -41,10 +41,10 @@ from seatrial.analysis.tables.table import seconds_of, table_actuators, with_cal
 from seatrial.hybrid.effects import Catalogue, catalogue_of, vessel_plant
 from seatrial.hybrid.effects.context import searched_effects
 from seatrial.hybrid.prediction.window_sets import mean_controls
-from seatrial.hybrid.vessel import dynamics, files, hulls, sensors
+from seatrial.hybrid.vessel import dynamics, files, hulls
 from seatrial.hybrid.vessel.actuators import KINDS
 from seatrial.hybrid.vessel.plant import Plant, angles_in, pack
-from seatrial.hybrid.vessel.sensors import acting_controls, controls_of, measure, states_of, wind_of
+from seatrial.hybrid.vessel.sensors import acting_controls, check_ship, controls_of, measure, states_of, wind_of
 
 START_VARIANCE = 1.0
 """The prior variance of a start's deviation, in units of ``start_scale`` squared: the start is free."""
@@ -685,7 +685,7 @@ class _TableSegments(NamedTuple):
 
 def _segments_of_table(table: pd.DataFrame, plant: Plant, comparisons: int, compared_every: int) -> _TableSegments:
     """The segments of a resampled table, of which every so many rows are compared."""
-    sensors.require_same_ship(table_actuators(table), plant)
+    check_ship(table_actuators(table), plant)
     measured, controls = states_of(table), controls_of(table, plant.layout)
     wind = wind_of(with_calm(table))
     motion = states_of(smooth_motion(table, smoothing_half_width(plant.length_overall_m)))

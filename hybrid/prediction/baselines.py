@@ -86,7 +86,7 @@ def simulate_reference(windows: window_sets.PredictionWindows, plant: MotionMode
     Windows in which the model leaves its range are NaN from there on. Raises :class:`InputError` for windows of
     a ship with other actuators.
     """
-    sensors.require_same_ship(windows.actuators, plant)
+    sensors.check_ship(windows.actuators, plant)
     if isinstance(plant, BlackBox):
         return _black_box_tracks(windows, plant)
     return simulate_tracks(plant, windows.start, windows.acting_controls, windows.wind)

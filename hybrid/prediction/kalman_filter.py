@@ -383,7 +383,7 @@ def filtered_starts(
     They exclude wave motion. Without earlier measurements the measured state is kept. Raises
     :class:`InputError` for windows of a ship with other actuators.
     """
-    sensors.require_same_ship(windows.actuators, plant)
+    sensors.check_ship(windows.actuators, plant)
     past, complete_s = measured_past_of_windows(windows, OBSERVED_S)
     alone = Observations(past, complete_s, past[:, :0, window_sets.CONTROLS], past[:, :0, window_sets.WIND])
     gains = filter_gains(plant.length_overall_m, *NEUTRAL)

@@ -183,7 +183,7 @@ def behind_play(motor: Floats, width: float) -> Floats:
     return end
 
 
-def require_same_ship(recorded: ship.Actuators, plant: MotionModel) -> None:
+def check_ship(recorded: ship.Actuators, plant: MotionModel) -> None:
     """Raise :class:`InputError` where a recording is of a ship with other actuators than the model has."""
     if recorded != plant.layout:
         ships = actuator_list_text(recorded), actuator_list_text(plant.layout)
