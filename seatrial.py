@@ -26,7 +26,7 @@ from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from seatrial.acquisition.core import can_library, errors, named_code, process
+from seatrial.acquisition.core import errors, named_code, process
 
 if TYPE_CHECKING:
     import typer
@@ -171,7 +171,7 @@ def main() -> None:
             else process.interrupt_on_terminate()
         ):
             if sys.argv[1:2] == ["record"]:
-                can_library.import_without_asammdf()
+                process.import_can_without_asammdf()
             _command(_app())()
     except KeyboardInterrupt as stop:
         sys.exit(_TERMINATED if isinstance(stop, process.Termination) else _INTERRUPTED)

@@ -417,20 +417,20 @@ def map_calls(
     """
     workers, results = workers or os.cpu_count() or 1, dict[int, Any]()
 
-    def keep(number: int, result: Any) -> None:
+    def store_result(number: int, result: Any) -> None:
         results[number] = result
         finished(number, result)
         progress(len(results) / len(calls))
 
     if workers < 2:
         for number, (function, *arguments) in enumerate(calls):
-            keep(number, function(*arguments))
+            store_result(number, function(*arguments))
         return [results[number] for number in range(len(calls))]
     with _dask_client(workers, None) as client:
         futures = {client.submit(_on_one_core, *call, pure=False): number for number, call in enumerate(calls)}
         try:
             for future in import_module("distributed").as_completed(futures, loop=client.loop):
-                keep(futures[future], future.result())
+                store_result(futures[future], future.result())
             return [results[number] for number in range(len(calls))]
         except BaseException:
             client.cancel(list(futures), force=True)
@@ -444,17 +444,17 @@ def _on_one_core(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 @contextmanager
-def lock_batch_folder(out: Path) -> Iterator[None]:
+def lock_batch_folder(output_folder: Path) -> Iterator[None]:
     """The output folder, locked and cleared of what killed runs left there; SIGTERM ends as Ctrl-C does."""
-    with files.lock_output_folder(out):
-        files.remove_leftovers_below(out)
-        shutil.rmtree(out / MARKS, ignore_errors=True)
-        files.make_folder(out / MARKS)
+    with files.lock_output_folder(output_folder):
+        files.remove_leftovers_below(output_folder)
+        shutil.rmtree(output_folder / MARKS, ignore_errors=True)
+        files.make_folder(output_folder / MARKS)
         try:
             with process.interrupt_on_terminate():
                 yield
         finally:
-            shutil.rmtree(out / MARKS, ignore_errors=True)
+            shutil.rmtree(output_folder / MARKS, ignore_errors=True)
 
 
 def run_job_or_fail(job: BatchJob, work: Callable[[BatchJob], Row]) -> Row:
@@ -584,7 +584,9 @@ class BatchRemainder:
     estimate_s: float | None
 
     @classmethod
-    def after(cls, rows: Sequence[Row], selected: Ints, sizes: Sequence[int], elapsed_s: float) -> BatchRemainder:
+    def from_sample(
+        cls, rows: Sequence[Row], selected: Ints, sizes: Sequence[int], elapsed_s: float
+    ) -> BatchRemainder:
         """What the sample in ``rows`` left, and its time by the bytes that were processed anew in ``elapsed_s``."""
         processed = sum(sizes[number] for row, number in zip(rows, selected, strict=True) if not row.get("reused"))
         size = sum(sizes) - sum(sizes[number] for number in selected)
@@ -719,7 +721,9 @@ def _run_batch(
     with lock_batch_folder(out):
         start_s = time.monotonic()
         rows = run_jobs([jobs[number] for number in selected], task or process_job, workers, scheduler, progress)
-        remainder = BatchRemainder.after(rows, selected, sizes, time.monotonic() - start_s) if sample else None
+        remainder = (
+            BatchRemainder.from_sample(rows, selected, sizes, time.monotonic() - start_s) if sample else None
+        )
         for row, paths in zip(rows, (recordings[number] for number in selected), strict=True):
             row["path"] = errors.printable_path(paths[0].relative_to(folder))
         if store:
@@ -794,14 +798,14 @@ def _reuse_or_deliver(job: BatchJob) -> Row:
     return row
 
 
-def _fetch_for_index(rows: Sequence[Row], out: Path, store: str) -> None:
+def _fetch_for_index(rows: Sequence[Row], output_folder: Path, store: str) -> None:
     """Fetch of the results in a store what the index is made of besides the rows; without those of failures."""
     place, names = Path(store), {row["name"] for row in rows}
     tested = {row["name"] for row in rows if row["status"] == "done" and row.get("manoeuvres")}
     failed = {row["name"] for row in rows if "provenance" not in row}
     for path in stores.files_below(store):
         name = path.parent.relative_to(place).as_posix()
-        copy = out / path.relative_to(place)
+        copy = output_folder / path.relative_to(place)
         if path.name == SUMMARY and name in failed:  # of an earlier result, which is no longer true
             stores.remove(path)
         elif (path.name == SUMMARY and name not in names) or (path.name == "manoeuvres.json" and name in tested):
@@ -813,7 +817,7 @@ def _fetch_for_index(rows: Sequence[Row], out: Path, store: str) -> None:
             copy.touch()
 
 
-def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
+def recordings_below(folder: Path, output_folder: Path) -> list[tuple[Path, ...]]:
     """The recordings ``*.mcap`` below a folder, in the order of their names, without the output folder.
 
     The files of a recording in parts are together. A folder that cannot be read is listed itself.
@@ -831,7 +835,7 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
     paths: list[Path] = []
     unreadable: list[OSError] = []
     for root, folders, file_names in os.walk(folder, onerror=unreadable.append):
-        folders[:] = [name for name in folders if os.path.realpath(Path(root, name)) != str(out)]
+        folders[:] = [name for name in folders if os.path.realpath(Path(root, name)) != str(output_folder)]
         names = (name for name in (*folders, *file_names) if name.endswith(".mcap") and not name.startswith("."))
         paths += (Path(root, name) for name in names)
     return reader.parts_by_recording(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
@@ -933,11 +937,11 @@ def _series_of_dtype(values: Sequence[Any], dtype: str) -> Any:
     return pd.Series(list(values), dtype=dtype)
 
 
-def rows_without_recording(names: Collection[str], out: Path) -> list[dict[str, Any]]:
-    """The rows of complete results below ``out`` that belong to none of ``names``, in the order of their names."""
+def rows_without_recording(names: Collection[str], output_folder: Path) -> list[dict[str, Any]]:
+    """The rows of complete results below ``output_folder`` that belong to none of ``names``, by name."""
     rows = []
-    for path in sorted(out.rglob(SUMMARY)):
-        name = path.parent.relative_to(out).as_posix()
+    for path in sorted(output_folder.rglob(SUMMARY)):
+        name = path.parent.relative_to(output_folder).as_posix()
         try:
             row = files.read_json(path)
             is_result = name not in names and row["provenance"]["recording"] == name and is_index_row(row)
@@ -948,17 +952,20 @@ def rows_without_recording(names: Collection[str], out: Path) -> list[dict[str, 
     return rows
 
 
-def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Path:
-    """Write ``index.parquet`` and ``index.html`` into ``out`` and return the path of the page.
+def write_index(rows: Sequence[Mapping[str, Any]], output_folder: Path, title: str) -> Path:
+    """Write ``index.parquet`` and ``index.html`` into ``output_folder`` and return the path of the page.
 
     Raises :class:`seatrial.acquisition.core.errors.StorageError` when they cannot be written.
     """
-    rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
-    with files.written_together(out / "index.parquet"):
+    rows = [{**row, "report": (output_folder / row["name"] / REPORT).is_file()} for row in rows]
+    with files.written_together(output_folder / "index.parquet"):
         write_parquet(
-            table_of_recordings(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})}
+            table_of_recordings(rows),
+            output_folder / "index.parquet",
+            MEASURES,
+            {"batch": json.dumps({"of": title})},
         )
-        return pages.index_page(rows, failures_by_cause(rows), title).write(out / "index.html")
+        return pages.index_page(rows, failures_by_cause(rows), title).write(output_folder / "index.html")
 
 
 def read_index(path: Path | str) -> pd.DataFrame:

@@ -205,9 +205,9 @@ class _Pages:
     def index(self) -> str:
         rows = self._season.rows()
         waiting = sum(row["status"] == batch.WAITING for row in rows)
-        live = {"nonce": g.nonce, "token": self._token, "upload_mb": self._upload_mb, "waiting": waiting}
+        served = {"nonce": g.nonce, "token": self._token, "upload_mb": self._upload_mb, "waiting": waiting}
         rows = [{**row, "report": (self._season.out / row["name"] / "report.html").is_file()} for row in rows]
-        return index_page(rows, batch.failures_by_cause(rows), self._season.folder.resolve().name, live).html
+        return index_page(rows, batch.failures_by_cause(rows), self._season.folder.resolve().name, served).html
 
     def trial(self, name: str) -> str:
         row = self._row_of(name)
@@ -407,7 +407,7 @@ class Season:
             raise errors.StorageError("cannot be used", where=str(self.out / _STORE), why=str(error),
                                fix="remove it, or name another folder with -o") from error  # fmt: skip
         self.rows()
-        threading.Thread(target=self._work, name="season", daemon=True).start()
+        threading.Thread(target=self._serve_requests, name="season", daemon=True).start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -475,7 +475,7 @@ class Season:
             self._requested.add((urgency, name))
             self._requests.put((urgency, next(self._number), name))
 
-    def _work(self) -> None:
+    def _serve_requests(self) -> None:
         """One request after the other, until the season ends."""
         while True:
             urgency, _, name = self._requests.get()

@@ -1439,7 +1439,7 @@ def predict(
 
 
 def _print_conducted(conductor: Conductor, as_json: bool, options: Mapping[str, Any]) -> None:
-    from seatrial.analysis.conduct.live import outcome_line
+    from seatrial.analysis.conduct.aboard import outcome_line
 
     if as_json:
         print_line(json.dumps(conductor.as_dict()))
@@ -1549,12 +1549,12 @@ def conduct(
     """
     with stop_on_signals() as stop:
         from seatrial.acquisition.config.trial_file import load_config
-        from seatrial.analysis.conduct import conductor, live
+        from seatrial.analysis.conduct import aboard, conductor
         from seatrial.analysis.conduct.programme import load_programme
 
         trial, planned = None if config is None else load_config(Path(config)), load_programme(Path(programme))
         maker, remark = _outlook_maker(planned, vessel, planned.vessel_beside(Path(programme)))
-        return live.conduct(
+        return aboard.conduct(
             planned,
             conductor.state_path(Path(programme)) if state is None else Path(state),
             stop,

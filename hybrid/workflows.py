@@ -244,7 +244,7 @@ class DiagnosisRun:
 DiagnosedShip = vessel_files.Vessel | BlackBox
 
 
-def _not_asked(model: BlackBox) -> dict[str, str]:
+def _provenance_of_simulator_diagnosis(model: BlackBox) -> dict[str, str]:
     """What no diagnosis with a simulator can ask, and how it is pushed, for its provenance."""
     mass_t = assumed_inertia(model.length_between_perpendiculars_m)[0] / 1e3
     pushed = "its input for accelerations" if model.spec.takes_acceleration else "half before each step, half after"
@@ -281,7 +281,7 @@ def diagnose_tables(
     looked_for_wind = considered != available and STEADY_WIND.name in searched
     wind_remark = {"wind": "not recorded: only a steady one was looked for"} if looked_for_wind else {}
     conclusion = verdict.diagnose(tables, vessel, tolerance, searched, progress)
-    asked = {} if isinstance(vessel, vessel_files.Vessel) else _not_asked(vessel)
+    asked = {} if isinstance(vessel, vessel_files.Vessel) else _provenance_of_simulator_diagnosis(vessel)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **asked, **wind_remark})
     names = [effect.name for effect in diagnosis.effects] + [suspect.name for suspect in diagnosis.suspects]
     names += [name for group in diagnosis.indistinguishable for name in group]
@@ -896,9 +896,9 @@ def run_in_processes(*calls: partial[None]) -> Iterator[None]:
     Raises :class:`SeatrialError` for a call that fails; an error of this process ends the others.
     """
     processors = sorted(os.sched_getaffinity(0))
-    kept = max(1, min(2, len(processors) - 1))
+    own_count = max(1, min(2, len(processors) - 1))
 
-    def started(call: partial[None]) -> subprocess.Popen[str]:
+    def start_worker(call: partial[None]) -> subprocess.Popen[str]:
         code = f"from seatrial.hybrid import workflows; workflows.{call.func.__name__}(*{call.args!r})"
         worker = stack.enter_context(
             subprocess.Popen([sys.executable, "-P", "-c", code], stderr=subprocess.PIPE, text=True)
@@ -908,19 +908,19 @@ def run_in_processes(*calls: partial[None]) -> Iterator[None]:
         os.sched_setscheduler(worker.pid, os.SCHED_IDLE, os.sched_param(0))
         return worker
 
-    def divide(own: Sequence[int], of_calls: Sequence[int]) -> None:
-        os.sched_setaffinity(0, own)
+    def assign_processors(own_processors: Sequence[int], worker_processors: Sequence[int]) -> None:
+        os.sched_setaffinity(0, own_processors)
         for worker in workers:
             with suppress(ProcessLookupError):  # it has ended
-                os.sched_setaffinity(worker.pid, of_calls)
+                os.sched_setaffinity(worker.pid, worker_processors)
 
     with ExitStack() as stack:
-        workers = [started(call) for call in calls]
+        workers = [start_worker(call) for call in calls]
         try:
-            divide(processors[:kept], processors[kept:] or processors)
+            assign_processors(processors[:own_count], processors[own_count:] or processors)
             yield
         finally:
-            divide(processors, processors)
+            assign_processors(processors, processors)
         for call, worker in zip(calls, workers, strict=True):
             _, stderr = worker.communicate()
             if worker.returncode:

@@ -388,11 +388,11 @@ def name_of_vessel(vessel: str | Path) -> str:
     return str(read_vessel_with_bases(find_vessel(vessel))["name"])
 
 
-def read_vessel_with_bases(path: Path, seen: tuple[Path, ...] = ()) -> Tree:
+def read_vessel_with_bases(path: Path, dependents: tuple[Path, ...] = ()) -> Tree:
     """The tables of a vessel file merged with its base, and so on with the base of that; actuators by name.
 
     A base is the name of a vessel that comes with Seatrial or a path, relative to the file that names it. A
-    file without a name takes the file's name, not its base's. ``seen`` are the files that build on it. Raises
+    file without a name takes the file's name, not its base's. ``dependents`` are the files that build on it. Raises
     :class:`ConfigurationError` for an unreadable file, a missing base, and circular bases.
     """
     tree = parse_toml(read_text(path), path)
@@ -407,11 +407,11 @@ def read_vessel_with_bases(path: Path, seen: tuple[Path, ...] = ()) -> Tree:
     if not isinstance(base, str):
         raise ConfigurationError("base is not a name", where=str(path), fix='write base = "NAME or FILE"')
     base_path = find_vessel(base, path.parent)
-    seen = (*seen, path.resolve())
-    if base_path.resolve() in seen:
+    dependents = (*dependents, path.resolve())
+    if base_path.resolve() in dependents:
         fix = "let it build on another vessel, or on none"
         raise ConfigurationError(f"base {base!r} leads back to a file that builds on it", where=str(path), fix=fix)
-    return _merge_over_base(read_vessel_with_bases(base_path, seen), named)
+    return _merge_over_base(read_vessel_with_bases(base_path, dependents), named)
 
 
 def load_actuators(vessel: str | Path) -> Actuators:

@@ -9,6 +9,7 @@ hostile file reads it in a child process. Nothing heavy is imported here, so tha
 from __future__ import annotations
 
 import _thread
+import importlib
 import io
 import os
 import pickle
@@ -422,3 +423,24 @@ def read_in_child(script: Path, reader: str, path: Path, kind: str = "table") ->
         why = f"the budget of a file of {size_bytes:,} bytes is {memory:,} bytes of memory and {seconds} s"
         raise errors.InputError("takes too much memory or time", where=str(path), why=why, fix=budget_remedy_text())
     return result
+
+
+def import_can_without_asammdf() -> None:
+    """Import python-can as if asammdf were not installed, for a process that does nothing but record.
+
+    python-can imports asammdf wherever that is installed, to read and write measurements; it brings sympy,
+    canmatrix and openpyxl: more than half of the time in which a recorder starts.
+    """
+    if "asammdf" in sys.modules:
+        return
+    sys.modules["asammdf"] = None  # type: ignore[assignment]
+    try:
+        importlib.import_module("can")
+    finally:
+        del sys.modules["asammdf"]
+
+
+def import_mf4_with_asammdf() -> Any:
+    """The module ``can.io.mf4`` with asammdf; its classes raise NotImplementedError where that is not installed."""
+    module = importlib.import_module("can.io.mf4")
+    return module if module.asammdf else importlib.reload(module)

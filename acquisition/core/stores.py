@@ -162,7 +162,7 @@ def _identity_of_state(state: dict[str, Any]) -> tuple[str, ...]:
 
 
 @contextmanager
-def local_copies(paths: Sequence[Path], progress: errors.Progress = lambda share: None) -> Iterator[list[Path]]:
+def local_copies(paths: Sequence[Path]) -> Iterator[list[Path]]:
     """The paths, those in stores as copies in a temporary folder, which is removed at the end.
 
     Raises :class:`InputError` for what cannot be fetched, :class:`StorageError` where there is no room for it.
@@ -171,7 +171,7 @@ def local_copies(paths: Sequence[Path], progress: errors.Progress = lambda share
         yield list(paths)
         return
     with TemporaryDirectory(prefix="seatrial-") as folder:
-        yield fetch_files(paths, Path(folder), progress)
+        yield fetch_files(paths, Path(folder))
 
 
 def lasting_copies(paths: Sequence[Path]) -> list[Path]:

@@ -201,7 +201,7 @@ def _date_or_none(numbers: Sequence[int], order: Order) -> dt.date | None:
     return None
 
 
-def time_of_day_ns(time_text: str, fraction: str | None, half: str | None = None) -> int | None:
+def time_of_day_ns(time_text: str, fraction: str | None, am_or_pm: str | None = None) -> int | None:
     """A time of day as ns since midnight; None where there is no such time.
 
     >>> time_of_day_ns("17:33:21", "107") == time_of_day_ns("05h33m21", "107", "p") == 63_201_107_000_000
@@ -211,10 +211,10 @@ def time_of_day_ns(time_text: str, fraction: str | None, half: str | None = None
     if ":" not in time_text:
         time_text = f"{time_text[:2]}:{time_text[2:4]}:{time_text[4:]}"
     hours, minutes, seconds = (int(part) for part in f"{time_text}:0".split(":")[:3])
-    if half:
+    if am_or_pm:
         if not 1 <= hours <= 12:
             return None
-        hours = hours % 12 + (12 if half in "pP" else 0)
+        hours = hours % 12 + (12 if am_or_pm in "pP" else 0)
     if hours > 23 or minutes > 59 or seconds > 59:
         return None
     return (3600 * hours + 60 * minutes + seconds) * NANO + int((fraction or "")[:9].ljust(9, "0"))
@@ -272,15 +272,13 @@ def names_tai(text: str) -> bool:
     return _TAI.search(text) is not None and "UTC" not in text.upper()
 
 
-def infer_date_order(
-    stamps: Sequence[Stamp], stated: Iterable[tuple[Stamp, int]] = (), default: Order = "month-first"
-) -> tuple[Order, str]:
+def infer_date_order(stamps: Sequence[Stamp], stated: Iterable[tuple[Stamp, int]] = ()) -> tuple[Order, str]:
     """The order of the numbers in a log's dates, and why; the reason is empty where nothing decides.
 
     ``stated`` are stamps with a UTC [ns] of another origin, such as a receiver's sentence. What decides is, in this
     order: which is possible for all; which agrees with ``stated``; by which the log lasts at most a month, and a
     tenth of what it lasts by the other; with slashes, that two digits of a year stand last (:data:`YEAR_LAST`).
-    ``default`` is taken where nothing decides.
+    The month comes first where nothing decides.
     """
     possible = [order for order in ORDERS if all(order in stamp.orders for stamp in stamps)]
     if len(possible) == 1:
@@ -302,4 +300,4 @@ def infer_date_order(
         return spans[0][1], f"else it would last {spans[1][0]:.0f} days"
     if len(year_last) == 1 and all(_SLASHED.search(stamp.text) for stamp in stamps):
         return year_last[0], YEAR_LAST
-    return (default if default in possible or not possible else possible[0]), ""
+    return ("month-first" if "month-first" in possible or not possible else possible[0]), ""

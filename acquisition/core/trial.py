@@ -207,14 +207,14 @@ def safe_source_label(name: str) -> str:
 
 
 def split_source_label(source: str) -> tuple[str, str, list[str]]:
-    """A sample's source split into its line, the device on it, and the message with its remarks.
+    """A sample's source split into the line's name, the device on it, and the message with its remarks.
 
     >>> split_source_label("bus/35:130306 apparent derived")
     ('bus', '35', ['130306', 'apparent', 'derived'])
     """
-    line, _, device_and_message = source.partition("/")
+    name, _, device_and_message = source.partition("/")
     device, _, words = device_and_message.partition(":")
-    return line, device, words.split(" ")
+    return name, device, words.split(" ")
 
 
 @lru_cache(maxsize=4096)
@@ -224,9 +224,9 @@ def line_and_device(source: str) -> str:
     >>> line_and_device("bridge/GP@GN01:GGA") == line_and_device("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
     True
     """
-    line, device, _ = split_source_label(source)
+    name, device, _ = split_source_label(source)
     talker, at, tag = device.partition("@")
-    return f"{line}/{'GN' if talker in _SATELLITE_TALKERS else talker}{at}{tag}"
+    return f"{name}/{'GN' if talker in _SATELLITE_TALKERS else talker}{at}{tag}"
 
 
 class Fix(NamedTuple):

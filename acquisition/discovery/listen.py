@@ -74,10 +74,10 @@ def listen(
     """Listen at all places for ``duration_s`` [s], or until ``stop`` is set; logs are read."""
     stop, until_monotonic_s = stop or threading.Event(), time.monotonic() + duration_s
     results: dict[str, Capture] = {}
-    live_places = [place for place in places if place.type != "file"]
+    open_places = [place for place in places if place.type != "file"]
     threads = [
         threading.Thread(target=_listen_at, args=(place, until_monotonic_s, stop, results), daemon=True)
-        for place in live_places
+        for place in open_places
     ]
     for thread in threads:
         thread.start()
@@ -116,10 +116,10 @@ def _listen_at(
     A serial line's baud rate is detected unless it is given.
     """
 
-    def read_at_rate(rate: int) -> bytes:
-        line = replace(place, type="mavlink_serial", settings={**place.settings, "baud_rate": rate})
+    def read_at_rate(baud_rate: int) -> bytes:
+        rated_place = replace(place, type="mavlink_serial", settings={**place.settings, "baud_rate": baud_rate})
         probe_until_monotonic_s = min(time.monotonic() + BAUD_PROBE_S, until_monotonic_s)
-        return b"".join(frame.payload for frame in _receive_frames(line, probe_until_monotonic_s, stop))
+        return b"".join(frame.payload for frame in _receive_frames(rated_place, probe_until_monotonic_s, stop))
 
     try:
         rated_place = place
@@ -169,23 +169,23 @@ def _receive_frames(
         source.close()
 
 
-def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_RATES) -> int:
+def find_baud_rate(read_at: Callable[[int], bytes]) -> int:
     """The first rate at which the bytes of ``read_at`` hold valid messages; the first of all if no bytes come.
 
     Raises :class:`SourceError` if bytes come that are valid at no rate.
     """
     has_bytes = False
-    for rate in rates:
-        received = read_at(rate)
+    for baud_rate in BAUD_RATES:
+        received = read_at(baud_rate)
         has_bytes = has_bytes or bool(received)
         if max(_count_valid_bytes([received])):
-            return rate
+            return baud_rate
     if has_bytes:
         fix = "give the rate as /dev/ttyUSB0@RATE; check the polarity of the line"
         raise errors.SourceError(
-            f"bytes come, but make no sense at {', '.join(map(str, sorted(rates)))} baud", fix=fix
+            f"bytes come, but make no sense at {', '.join(map(str, sorted(BAUD_RATES)))} baud", fix=fix
         )
-    return rates[0]
+    return BAUD_RATES[0]
 
 
 def interpret_frames(place: ListeningPlace, received: Sequence[Frame]) -> Capture:
@@ -352,12 +352,12 @@ def parse_places(inputs: Sequence[str]) -> list[ListeningPlace]:
     :class:`ConfigurationError` for an invalid configuration.
     """
     places = _make_names_unique(place for text in inputs for place in _places_of_text(text))
-    lines: dict[str, ListeningPlace] = {}
+    serial_places: dict[str, ListeningPlace] = {}
     for place in places:
         if place.type == "serial":
-            line = lines.setdefault(os.path.realpath(place.settings["device"]), place)
-            if line is not place:
-                where, fix = f"{line.text}, {place.text}", "name it once"
+            first = serial_places.setdefault(os.path.realpath(place.settings["device"]), place)
+            if first is not place:
+                where, fix = f"{first.text}, {place.text}", "name it once"
                 raise errors.InputError("are the same serial line", where=where, fix=fix)
     logs = [place.text for place in places if place.type == "file"]
     if logs and len(logs) < len(places):
@@ -418,14 +418,14 @@ def _split_device_and_baud_rate(text: str) -> tuple[str, str]:
 
 
 def _make_serial_place(text: str, user_text: str) -> ListeningPlace:
-    device, rate = _split_device_and_baud_rate(text)
-    if rate and (not rate.isdigit() or not int(rate)):
+    device, baud_rate = _split_device_and_baud_rate(text)
+    if baud_rate and (not baud_rate.isdigit() or not int(baud_rate)):
         raise errors.InputError(
-            f"{rate!r} is not a baud rate", where=user_text, fix="write it as /dev/ttyUSB0@38400"
+            f"{baud_rate!r} is not a baud rate", where=user_text, fix="write it as /dev/ttyUSB0@38400"
         )
     if os.path.lexists(device):
         device = str(Path(device).absolute())  # a link is kept: it outlasts the number of its device
-    settings = {"device": device, **({"baud_rate": int(rate)} if rate else {})}
+    settings = {"device": device, **({"baud_rate": int(baud_rate)} if baud_rate else {})}
     name = Path(device).name
     return ListeningPlace(f"serial_{name}" if name.isdigit() else name, "serial", settings, user_text)
 

@@ -261,45 +261,45 @@ class Inbox:
     """
 
     def __init__(self, sources: Iterable[str], quota: int) -> None:
-        self._lines = {name: _Line() for name in sources}
+        self._waiting = {name: _Waiting() for name in sources}
         self._quota = quota
-        self._quota_bytes = max(_WAITING_BYTES // max(len(self._lines), 1), _LEAST_WAITING_BYTES)
+        self._quota_bytes = max(_WAITING_BYTES // max(len(self._waiting), 1), _LEAST_WAITING_BYTES)
 
     def put(self, source: str, frames: list[trial.Frame]) -> int:
         """Take in what the source's quota has room for, and return how many frames that is."""
-        line = self._lines[source]
-        room = max(self._quota - len(line.frames), 0)
+        waiting = self._waiting[source]
+        room = max(self._quota - len(waiting.frames), 0)
         admitted = frames if len(frames) <= room else frames[:room]
         size = sum([len(frame.payload) for frame in admitted])
-        while line.bytes_in + size - line.bytes_out > self._quota_bytes and admitted:
+        while waiting.bytes_in + size - waiting.bytes_out > self._quota_bytes and admitted:
             admitted = admitted[: len(admitted) // 2]
             size = sum([len(frame.payload) for frame in admitted])
-        line.bytes_in += size
-        line.frames.extend(admitted)
+        waiting.bytes_in += size
+        waiting.frames.extend(admitted)
         return len(admitted)
 
     def take(self) -> list[trial.Frame]:
         """What waits, in the order of reception; of each source a limited number."""
         frames: list[trial.Frame] = []
-        for line in self._lines.values():
+        for waiting in self._waiting.values():
             size = 0
-            for _ in range(min(len(line.frames), _MOST_AT_ONCE)):
-                frame = line.frames.popleft()
+            for _ in range(min(len(waiting.frames), _MOST_AT_ONCE)):
+                frame = waiting.frames.popleft()
                 frames.append(frame)
                 size += len(frame.payload)
                 if size >= _MOST_BYTES_AT_ONCE:
                     break
-            line.bytes_out += size
+            waiting.bytes_out += size
         frames.sort(key=attrgetter("monotonic_ns"))
         return frames
 
     def __len__(self) -> int:
         """How many frames wait."""
-        return sum(len(line.frames) for line in self._lines.values())
+        return sum(len(waiting.frames) for waiting in self._waiting.values())
 
 
 @dataclass(slots=True)
-class _Line:
+class _Waiting:
     """What waits of one source. Each of the two counts is written by one thread only."""
 
     frames: deque[trial.Frame] = field(default_factory=deque)

@@ -306,12 +306,12 @@ class Selector:
         patience_ns: int = SILENT_NS,
         anywhere: str = "",
     ) -> None:
-        self._lines = {
+        self._source_ranks = {
             (source.name, channel): rank for rank, source in enumerate(sources) for channel in source.channels
         }
         for rank, source in enumerate(sources, len(sources)):
             if anywhere:
-                self._lines.setdefault((source.name, anywhere), rank)
+                self._source_ranks.setdefault((source.name, anywhere), rank)
         self._devices = {
             (source.name, device.name): rank
             for source in sources
@@ -326,12 +326,12 @@ class Selector:
             if channel not in POSITION
         }
         self._vehicles = {source.name for source in sources if isinstance(source, MavlinkLinks)}
-        self._first_line: dict[str, int] = {}
-        for (_, quantity), rank in self._lines.items():
-            self._first_line[quantity] = min(rank, self._first_line.get(quantity, rank))
+        self._best_source_rank: dict[str, int] = {}
+        for (_, quantity), rank in self._source_ranks.items():
+            self._best_source_rank[quantity] = min(rank, self._best_source_rank.get(quantity, rank))
         self._anywhere, self._listed = anywhere, len(sources)
         self._since_ns: int | None = None
-        self._lists_devices = {line for line, _ in self._devices}
+        self._lists_devices = {source_name for source_name, _ in self._devices}
         self._fixes = fixes or {}
         self._patience_ns = patience_ns
         self._ranks: dict[tuple[str, str, int | None], Rank | None] = {}
@@ -364,10 +364,10 @@ class Selector:
 
     def _may_preferred_source_still_send(self, sample: trials.Sample, rank: Rank) -> bool:
         """Whether a line or device that is listed before the sample's may yet send."""
-        *_, line, device, _ = rank
-        best_line = self._first_line[sample.quantity]
-        is_expected = (line > best_line and best_line < self._listed) or (
-            device > 0 and trials.split_source_label(sample.source)[0] in self._lists_devices
+        *_, source_rank, device_rank, _ = rank
+        best_rank = self._best_source_rank[sample.quantity]
+        is_expected = (source_rank > best_rank and best_rank < self._listed) or (
+            device_rank > 0 and trials.split_source_label(sample.source)[0] in self._lists_devices
         )
         if self._since_ns is None:
             self._since_ns = sample.monotonic_ns
@@ -395,23 +395,23 @@ class Selector:
             return self._ranks[key]
         if len(self._ranks) >= _MOST_RANKS:  # sources are named by what comes off the wire: without end
             self._ranks.clear()
-        line, device, (message, *meaning) = trials.split_source_label(source)
-        line_rank, rank = self._lines.get((line, quantity)), None
-        if line_rank is not None:
+        source_name, device, (message, *meaning) = trials.split_source_label(source)
+        source_rank, rank = self._source_ranks.get((source_name, quantity)), None
+        if source_rank is not None:
             derived = meaning[-1:] == ["derived"] and quantity not in POSITION
             kind = next((_MEANING[word] for word in meaning if word in _MEANING), 0)
             choice = 0 if quantity == VARIATION else 10 * _CHOICE.get(message, 0) + kind + derived
-            device_rank = self._devices.get((line, device.partition("@")[0]), len(self._devices))
-            if (line, device, quantity) in self._mapped:
+            device_rank = self._devices.get((source_name, device.partition("@")[0]), len(self._devices))
+            if (source_name, device, quantity) in self._mapped:
                 device_rank = -1
-            if line in self._vehicles and "." in device.partition("@")[0]:
+            if source_name in self._vehicles and "." in device.partition("@")[0]:
                 device_rank += 1
-            rank = False, False, 0, line_rank, device_rank, choice
+            rank = False, False, 0, source_rank, device_rank, choice
             if quantity in POSITION:
-                lists_devices = device_rank > 0 and line in self._lists_devices
-                stands_in = line_rank > self._first_line[quantity] or lists_devices
+                lists_devices = device_rank > 0 and source_name in self._lists_devices
+                stands_in = source_rank > self._best_source_rank[quantity] or lists_devices
                 grade = _GRADE.get(fix or 0, _PLAIN_GRADE)
-                rank = fix in NO_SATELLITES, stands_in, grade, line_rank, device_rank, choice
+                rank = fix in NO_SATELLITES, stands_in, grade, source_rank, device_rank, choice
         self._ranks[key] = rank
         return rank
 
@@ -441,7 +441,7 @@ class Derivation:
         self._plane = None if trial.origin is None else quantities.TangentPlane(*trial.origin)
         self._positions_from = positions_from
         self._mountings = {
-            line: mounting for line, mounting in (mountings or {}).items() if mounting != _UNCORRECTED
+            name: mounting for name, mounting in (mountings or {}).items() if mounting != _UNCORRECTED
         }
         self._variation_deg = variation_deg
         self._channels = channels_of_trial(trial)
@@ -496,12 +496,12 @@ class Derivation:
 
         Another compass of the line serves when that has been silent: what is derived must go by one of them.
         """
-        line, channel = _name_of_source(heading), self._ship.get("heading_deg")
-        is_channels = channel is not None and _name_of_source(channel) == line
-        serving = channel if is_channels else self._headings.get(line)
+        source_name, channel = _name_of_source(heading), self._ship.get("heading_deg")
+        is_channels = channel is not None and _name_of_source(channel) == source_name
+        serving = channel if is_channels else self._headings.get(source_name)
         is_other = serving is not None and serving.source != heading.source
         if serving is None or not is_other or heading.monotonic_ns - serving.monotonic_ns > SILENT_NS:
-            self._headings[line] = heading
+            self._headings[source_name] = heading
 
     def _correct_mounting_angles(self, group: trials.Group, mounting: Mounting) -> Iterator[trials.Sample]:
         """The samples, headings and bow-relative wind angles corrected for how their sensors are mounted."""

@@ -503,12 +503,12 @@ def names_of_this_computer() -> frozenset[str]:
     return frozenset({host, full, short, f"{short}.local"})
 
 
-def read_request(client: socket.socket, patience_s: float = PATIENCE_S) -> Request:
+def read_request(client: socket.socket) -> Request:
     """The head that a client sends, within a time and a size.
 
     Raises :class:`RefusalError` for none, or an ambiguous one, and OSError.
     """
-    until_s, received = time.monotonic() + patience_s, b""
+    until_s, received = time.monotonic() + PATIENCE_S, b""
     while b"\r\n\r\n" not in received:
         if len(received) > _MOST_HEAD_BYTES:
             raise RefusalError(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE)

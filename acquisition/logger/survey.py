@@ -217,8 +217,8 @@ class Survey(FrameProcessor):
     def _decode_groups(self, decoder: Decoder, frame: Frame) -> list[Group]:
         groups = super()._decode_groups(decoder, frame)
         for sample in chain.from_iterable(groups):
-            line, device, words = split_source_label(sample.source)
-            kind = TrafficKind(line, device, words[0]) if frame.protocol == "mavlink" else self._kind
+            source_name, device, words = split_source_label(sample.source)
+            kind = TrafficKind(source_name, device, words[0]) if frame.protocol == "mavlink" else self._kind
             self._tally_of(kind).values[sample.quantity] = sample.value
             self._count_quantity(sample)
         return groups
@@ -250,8 +250,10 @@ class Survey(FrameProcessor):
                 yield _sentence_traffic_kind(frame.origin, part)
         else:
             topic, message = mqtt.split_topic_and_message(frame.payload)
-            line = clock.SENTENCE_WITH_PREFIX.fullmatch(message.strip())
-            name = TOPIC_VALUE if line is None else _sentence_traffic_kind("", line["inner"].encode("latin-1")).name
+            sentence = clock.SENTENCE_WITH_PREFIX.fullmatch(message.strip())
+            name = TOPIC_VALUE
+            if sentence is not None:
+                name = _sentence_traffic_kind("", sentence["inner"].encode("latin-1")).name
             yield TrafficKind(frame.origin, topic, name)
 
     def _can_traffic_kind(self, frame: Frame) -> TrafficKind:
@@ -273,14 +275,14 @@ class Survey(FrameProcessor):
         return TrafficKind(frame.origin, str(address), str(group))
 
 
-def _sentence_traffic_kind(line: str, payload: bytes) -> TrafficKind:
+def _sentence_traffic_kind(source_name: str, payload: bytes) -> TrafficKind:
     """The kind of a sentence; a maker's own has no talker."""
     tagged = nmea0183.split_tag_block(payload)
     tag, fields = nmea0183.split_sentence(tagged.sentence, unchecked=True) or ("", [])
     talker, name = ("", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])
     number = f" {fields[0]}" if name in _NUMBERED and fields else ""
     device = f"{talker}@{tagged.source}" if tagged.source else talker
-    return TrafficKind(line, device, f"{name}{number}" if tag else "no sentence")
+    return TrafficKind(source_name, device, f"{name}{number}" if tag else "no sentence")
 
 
 def survey_frames(config: TrialConfig, frames: Iterable[Frame]) -> Survey:
@@ -433,8 +435,8 @@ def why_channel_is_missing(name: str, survey: Survey) -> str:
 def why_channel_is_not_provided(name: str, survey: Survey) -> str:
     """What comes that could make a channel, and why it does not; empty where nothing comes."""
     if labels := survey.quantities.get(name):  # on a line that is not to provide it
-        line = split_source_label(next(iter(labels)))[0]
-        return f"{_message_names(labels)} comes: add {name} to the channels of source {line!r}"
+        source_name = split_source_label(next(iter(labels)))[0]
+        return f"{_message_names(labels)} comes: add {name} to the channels of source {source_name!r}"
     if reason := _why_channel_is_not_derived(name, survey):
         return reason
     # a message that could carry it comes, but has no value for it

@@ -36,7 +36,7 @@ from can.io import blf
 
 from seatrial.acquisition import sources
 from seatrial.acquisition.config.sources import FileSource
-from seatrial.acquisition.core import can_library, process, trial
+from seatrial.acquisition.core import process, trial
 from seatrial.acquisition.core.times import DAY_NS, YEAR_LAST, Order, Stamp, infer_date_order
 from seatrial.acquisition.protocols import clock, mavlink, nmea0183, nmea2000
 from seatrial.acquisition.sources.lines import frame_flags
@@ -387,7 +387,7 @@ def _read_with_python_can(kind: str, file: BinaryIO, reader: LineReader) -> Iter
         raise ValueError(f"TRC of version {version[1].decode('latin-1')} is not read; save it as 2.1")
     try:
         if kind == "mf4":
-            measurement = can_library.with_asammdf().MF4Reader(file)
+            measurement = process.import_mf4_with_asammdf().MF4Reader(file)
             reader.remark = _signals_remark(measurement._mdf.groups)
             reader.times.remark = "" if measurement._mdf.start_time.tzinfo else _OF_THIS_ZONE
             return _python_can_entries(measurement, file, size_bytes, reader, 0)

@@ -888,29 +888,46 @@ _NOTHING_CAPTURED = "no packet of the capture has a CAN frame, or lines in a dat
 _IF_NAME, _IF_TSRESOL, _IF_TSOFFSET = 2, 9, 14  # options of an interface
 
 
-def read_pcap(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
-    """What tcpdump and Wireshark capture of SocketCAN, or of datagrams in a network, in the older form."""
-    head = file.read(24)
-    order = "<" if head[:4] in (b"\xd4\xc3\xb2\xa1", b"\x4d\x3c\xb2\xa1") else ">"
-    finest_ns = 1 if head[:4] in (b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d") else 1000
-    link = struct.unpack(f"{order}I", head[20:24].ljust(4, b"\0"))[0] & 0xFFFF
-    _check_link_type(link)
+class _Packet(NamedTuple):
+    """A captured packet, its link type, its time, and the name of its interface if it has one."""
+
+    data: bytes
+    link: int
+    time_ns: int
+    interface: str = ""
+
+
+def read_capture(
+    packets_of: Callable[[BinaryIO], Iterator[_Packet]], file: BinaryIO, reader: LineReader
+) -> Iterator[LogEntry]:
+    """What tcpdump and Wireshark capture of SocketCAN, or of datagrams in a network."""
     is_empty = True
-    while record := file.read(16):
-        seconds, fraction, length, _ = struct.unpack(f"{order}IIII", record) if len(record) == 16 else (0, 0, -1, 0)
-        packet = file.read(length) if 0 <= length <= _LONGEST_PACKET else b""
-        if len(packet) != length:
-            raise ValueError(_CUT_RECORD)
-        for entry in _parse_captured_packet(packet, link, seconds * NANO + fraction * finest_ns, reader):
+    for packet in packets_of(file):
+        for entry in _parse_captured_packet(packet, reader):
             is_empty = False
             yield entry
     if is_empty:
         raise ValueError(_NOTHING_CAPTURED)
 
 
-def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
-    """The newer form: blocks, of which some describe an interface and others hold a packet of one."""
-    order, links, is_empty = "<", list[tuple[int, int, int, str]](), True
+def _pcap_packets(file: BinaryIO) -> Iterator[_Packet]:
+    """The packets of the older form."""
+    head = file.read(24)
+    order = "<" if head[:4] in (b"\xd4\xc3\xb2\xa1", b"\x4d\x3c\xb2\xa1") else ">"
+    finest_ns = 1 if head[:4] in (b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d") else 1000
+    link = struct.unpack(f"{order}I", head[20:24].ljust(4, b"\0"))[0] & 0xFFFF
+    _check_link_type(link)
+    while record := file.read(16):
+        seconds, fraction, length, _ = struct.unpack(f"{order}IIII", record) if len(record) == 16 else (0, 0, -1, 0)
+        packet = file.read(length) if 0 <= length <= _LONGEST_PACKET else b""
+        if len(packet) != length:
+            raise ValueError(_CUT_RECORD)
+        yield _Packet(packet, link, seconds * NANO + fraction * finest_ns)
+
+
+def _pcapng_packets(file: BinaryIO) -> Iterator[_Packet]:
+    """The packets of the newer form: blocks, some that describe an interface and others with a packet of one."""
+    order, links = "<", list[tuple[int, int, int, str]]()
     while start := file.read(8):
         if start[:4] == b"\n\r\r\n":
             magic = file.read(4)
@@ -928,13 +945,9 @@ def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[LogEntry]:
             if interface < len(links):
                 link, ticks, offset_s, name = links[interface]
                 time_ns = (high << 32 | low) * NANO // ticks + offset_s * NANO
-                for entry in _parse_captured_packet(body[20 : 20 + captured], link, time_ns, reader, name):
-                    is_empty = False
-                    yield entry
+                yield _Packet(body[20 : 20 + captured], link, time_ns, name)
     if not any(link in _LINKS for link, *_ in links):
         _check_link_type(links[0][0] if links else 0)
-    if is_empty:
-        raise ValueError(_NOTHING_CAPTURED)
 
 
 def _parse_interface(body: bytes, order: str, number: int) -> tuple[int, int, int, str]:
@@ -961,13 +974,12 @@ def _check_link_type(link: int) -> None:
         )
 
 
-def _parse_captured_packet(
-    packet: bytes, link: int, time_ns: int, reader: LineReader, bus: str = ""
-) -> Iterator[LogEntry]:
+def _parse_captured_packet(captured: _Packet, reader: LineReader) -> Iterator[LogEntry]:
     """The CAN frame or the lines in a captured packet; those of other protocols are passed over.
 
     Of what was captured on all interfaces at once the packet itself says which it came by.
     """
+    packet, link, time_ns, bus = captured
     if link in (_COOKED, _COOKED_2):
         skip, place = (16, 14) if link == _COOKED else (20, 0)
         protocol = packet[place : place + 2]
@@ -1028,8 +1040,8 @@ FILE_FORMS: dict[str, FileForm] = {
     "ebl": FileForm(lambda head: head.startswith(b"\x1b\x01"), read_ebl),
     "ydvr": FileForm(lambda head: head[6:10] == b"YDVR", read_ydvr),
     "yd_can": FileForm(lambda head: head[8:12] == b"YDVR", read_yd_can),
-    "pcap": FileForm(lambda head: head.startswith(_PCAP), read_pcap),
-    "pcapng": FileForm(lambda head: head.startswith(b"\n\r\r\n"), read_pcapng),
+    "pcap": FileForm(lambda head: head.startswith(_PCAP), partial(read_capture, _pcap_packets)),
+    "pcapng": FileForm(lambda head: head.startswith(b"\n\r\r\n"), partial(read_capture, _pcapng_packets)),
     "asc": FileForm(lambda head: _BEGINS_ASC.match(head.removeprefix(b"\xef\xbb\xbf")) is not None, read_asc),
 }
 """Files that are read as a whole by their names; those of python-can are in ``log_file.py``."""

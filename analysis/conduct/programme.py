@@ -277,7 +277,11 @@ class TrialProgramme(result.Result):
             {"name": run.sided_name, **non_default_values_of_run(run), "minutes": round(self.minutes_of(run), 1)}
             for run in self.run
         ]
-        return {"programme": _stated(self.programme), "total_minutes": round(self.total_minutes, 1), "run": runs}
+        return {
+            "programme": _non_empty_values(self.programme),
+            "total_minutes": round(self.total_minutes, 1),
+            "run": runs,
+        }
 
     def save(self, path: Path | str) -> Path:
         """Write the TOML file. One that is there is not replaced, unless it holds this programme to the byte, as
@@ -291,7 +295,7 @@ class TrialProgramme(result.Result):
         return files.write_text(path, text)
 
 
-def _stated(section: Any) -> dict[str, Any]:
+def _non_empty_values(section: Any) -> dict[str, Any]:
     """What a section states besides its required fields' order."""
     return {entry.name: getattr(section, entry.name) for entry in fields(section)
             if getattr(section, entry.name) not in (None, "", ())}  # fmt: skip
@@ -328,7 +332,7 @@ def programme_text(programme: TrialProgramme) -> str:
         "",
         "[programme]",
     ]
-    for name, value in _stated(programme.programme).items():
+    for name, value in _non_empty_values(programme.programme).items():
         comment = f"{' ' * 4}# {_COMMENTS[name]}" if name in _COMMENTS else ""
         lines.append(f"{_toml_line(name, value)}{comment}")
     for run in programme.run:

@@ -159,19 +159,19 @@ def on_circle(innovation: float, turn: float) -> float:
 
 @compiled
 def filter_pass(  # type: ignore[no-untyped-def]
-    F, Q, interval, H, R, turn, gate, inputs, m, P, z, variance, kept
+    F, Q, interval, H, R, turn, gate, inputs, m, P, z, variance, filtered
 ) -> None:
     """One block forward: measurements ``z`` [T, c, C] become innovations, ``variance`` [T, c] theirs.
 
     ``F``, ``Q`` [intervals, n, WIDTH], of which ``interval[k]`` leads to step k; ``H`` [T, c, n]; ``R`` [T, c]; the
     state begins with means ``m`` [n, C] and covariance ``P`` [n, WIDTH], which are used up. ``gate`` is limit,
     patience [s] and count, times [T] and which states may jump [c, n]; an infinite limit is none. ``inputs`` are
-    those of :func:`add_inputs` by step. ``kept`` is room for gains [T, c, n], means [T, n] and covariances [T, n,
-    n] after each step, of no length where they are not wanted.
+    those of :func:`add_inputs` by step. ``filtered`` is room for gains [T, c, n], means [T, n] and covariances
+    [T, n, n] after each step, of no length where they are not wanted.
     """
     limit, patience_s, patience, time_s, jumps = gate
     drive, gain, features = inputs
-    gains, means, covariances = kept
+    gains, means, covariances = filtered
     T, channels, n = H.shape
     moved, work, Ph, kalman_gain = np.empty_like(m), np.zeros((n, WIDTH)), np.zeros(WIDTH), np.zeros(n)
     since_s, refusals = np.zeros(channels), np.zeros(channels, dtype=np.int64)
@@ -261,16 +261,16 @@ def adjoint_update(
 
 @compiled
 def smoother_pass(  # type: ignore[no-untyped-def]
-    F, interval, H, limit, z, variance, kept, mean, mean_variance, costates, informations
+    F, interval, H, limit, z, variance, filtered, mean, mean_variance, costates, informations
 ) -> None:
-    """One block back, over what :func:`filter_pass` left in ``z`` [T, c, 1], ``variance`` and ``kept``.
+    """One block back, over what :func:`filter_pass` left in ``z`` [T, c, 1], ``variance`` and ``filtered``.
 
     Fills ``mean`` [T, n or fewer] and ``mean_variance``, the variances of these states, and the costates [T, n] and
     informations [T, n, n] that hold before the measurements of each step; the last three where they have a length.
     The smoothed state between two steps is m - P F' costate, with the m and P predicted there, its covariance
     P - P F' information F P, with those of the later step and the F that leads to it.
     """
-    gains, means, covariances = kept
+    gains, means, covariances = filtered
     T, channels, n = H.shape
     costate, information, moved = np.zeros(n), np.zeros((n, WIDTH)), np.zeros(n)
     work, across = np.zeros((n, WIDTH)), np.zeros(n)
@@ -327,9 +327,11 @@ def _make_kernels(stamp: int) -> tuple[Callable[..., Any], Callable[..., Any], C
             copy_row(m[:, 0], mean[s])
             for i in range(n):
                 copy_row(P[i, :n], covariance[i])
-            kept = gains[a:b], means[a:b], covariances[a:b]
+            filtered = gains[a:b], means[a:b], covariances[a:b]
             gate = limit, patience_s, patience, time_s[a:b], jumps
-            filter_pass(F, Q, interval[a:b], H[a:b], R[a:b], turn, gate, nothing, m, P, z[a:b], variance[a:b], kept)
+            filter_pass(
+                F, Q, interval[a:b], H[a:b], R[a:b], turn, gate, nothing, m, P, z[a:b], variance[a:b], filtered
+            )
         return z[:, :, 0].copy(), variance, gains, means, covariances
 
     @kernel
@@ -343,9 +345,11 @@ def _make_kernels(stamp: int) -> tuple[Callable[..., Any], Callable[..., Any], C
         for k in range(steps):
             copy_row(z[k, :, 0], innovation[k])
         informations = np.empty((steps, n, n))
-        kept = gains, means, covariances
+        filtered = gains, means, covariances
         if stamp != 0:
-            smoother_pass(F, interval, H, limit, z, variance, kept, mean, np.empty((0, 0)), costates, informations)
+            smoother_pass(
+                F, interval, H, limit, z, variance, filtered, mean, np.empty((0, 0)), costates, informations
+            )
         return mean, costates, informations
 
     @kernel

@@ -31,7 +31,7 @@ from seatrial.analysis.manoeuvres import conducted, criteria, kinds, measures, s
 from seatrial.analysis.manoeuvres import motion as motions
 from seatrial.analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, index_from_value
 from seatrial.analysis.manoeuvres.motion import Motion, motion_of, row_to_row_noise, runs_of_true
-from seatrial.analysis.quality.findings import check_helm_sign, check_shaft_sign
+from seatrial.analysis.quality.controls import check_helm_sign, check_shaft_sign
 from seatrial.analysis.quality.wind import recorded_conditions, replace_by_stronger_wind
 from seatrial.analysis.series import is_assumed
 from seatrial.analysis.tables.table import trial_of, utc_index

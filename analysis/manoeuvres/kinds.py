@@ -19,7 +19,7 @@ adds to it (correction for drift). All pairs of the steady part count.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -201,7 +201,7 @@ def make_zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
         **measures.approach_settings(part, orders[0]),
     }
     unsteady = () if "reach_s" in estimates else ("the approach was not steady",)
-    if not unsteady and "speed_loss" not in estimates:
+    if gathers_way(estimates):
         unsteady = (GATHERING_WAY,)
     how = _how_sailed(motion, settings)
     name = f"zigzag {nominal_angle_deg(angle):.0f}/{nominal_angle_deg(switch, SWITCH_SHARE):.0f}{how}"
@@ -212,6 +212,11 @@ def make_zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
         executes=tuple(motion.utc(order) for order in orders[1:-1]),
         notes=(*unsteady, *notes), shortfalls=(*unsteady, *shortfalls),
     )  # fmt: skip
+
+
+def gathers_way(indices: Collection[str]) -> bool:
+    """Whether the ship of a zigzag with these indices was steady but for its speed when the first order came."""
+    return "reach_s" in indices and "speed_loss" not in indices
 
 
 def keeps_course(zigzag: Manoeuvre) -> bool:

@@ -35,9 +35,8 @@ from seatrial.acquisition.core.quantities import (
     to_earth,
 )
 from seatrial.analysis import series
-from seatrial.analysis.quality.findings import ORDER_INTERPOLATED, check_orders
+from seatrial.analysis.quality.controls import ORDER_INTERPOLATED, check_orders
 from seatrial.analysis.quality.motion.model import heading_deviation, wild_heading_mask
-from seatrial.analysis.series import edges_of_runs, local_quadratic, robust_spread, white_noise_standard_deviation
 from seatrial.analysis.tables import table as tables
 from seatrial.analysis.tables.resample import resample
 
@@ -275,7 +274,7 @@ def _add_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
     rows = max(_SLOPE_HALF_WIDTH_S / step_s, _SLOPE_ROWS)
     north, east = (interpolate_gaps(grid[name].to_numpy()) for name in ship.POSE[:2])
     heading = ship.unwrap(interpolate_gaps(ship.unwrap(grid[ship.POSE[2]].to_numpy())))
-    slopes = (np.gradient(local_quadratic(values, rows), step_s) for values in (north, east, heading))
+    slopes = (np.gradient(series.local_quadratic(values, rows), step_s) for values in (north, east, heading))
     over_north, over_east, yaw_rate = (
         interpolate_gaps(np.where(np.abs(slope) > _WILD * np.percentile(np.abs(slope), 98), np.nan, slope))
         for slope in slopes
@@ -314,7 +313,7 @@ def running_median(values: Floats, rows: int) -> Floats:
 
 def row_to_row_noise(values: Floats) -> float:
     """The standard deviation of row-to-row noise; zero for a smooth curve, and robust against a few steps."""
-    return white_noise_standard_deviation(values[np.isfinite(values)])
+    return series.white_noise_standard_deviation(values[np.isfinite(values)])
 
 
 def _resample_to_even_grid(table: pd.DataFrame, helms: Sequence[str]) -> tuple[pd.DataFrame, Ints]:
@@ -400,13 +399,13 @@ def _dead_reckoned_path(
     trends = [offset.copy() for offset in offsets]
     for trend in trends:  # piece by piece
         for first, end in runs_of_true(~broken):
-            trend[first:end] = local_quadratic(trend[first:end], half_width)
+            trend[first:end] = series.local_quadratic(trend[first:end], half_width)
 
     # The positions wander by the spread of ten-second means of the fit's residuals, two of which cover its width.
     wanders_m, rows = list[float](), max(1, round(0.5 * _PATH_HALF_WIDTH_S / step_s))
     for offset, trend in zip(offsets, trends, strict=True):
         means = (offset - trend)[: offset.size // rows * rows].reshape(-1, rows).mean(axis=1)
-        wanders_m.append(robust_spread(means) / np.sqrt(2.0))
+        wanders_m.append(series.robust_spread(means) / np.sqrt(2.0))
     # The fit passes a part of the white noise of the positions, and that of the speeds drifts until it corrects it.
     sideways_mps = fastest_mps * np.deg2rad(
         row_to_row_noise(heading_deg)
@@ -423,7 +422,7 @@ def _dead_reckoned_path(
         scatters_m.append(row_to_row_noise(samples.to_numpy(dtype=float)) * np.sqrt(min(interval_s / step_s, 1.0)))
     impulse = np.zeros(4 * int(np.ceil(half_width)) + 1)
     impulse[impulse.size // 2] = 1.0
-    kernel = local_quadratic(impulse, half_width)
+    kernel = series.local_quadratic(impulse, half_width)
     drift_m = speed_noise_mps * step_s * np.linalg.norm(np.cumsum(impulse) - np.cumsum(kernel))
     noise_m = float(np.hypot(_MEDIAN_OF_FIVE * float(max(scatters_m)) * np.linalg.norm(kernel), drift_m))
     spread_m = float(np.hypot(float(np.linalg.norm(wanders_m)), noise_m))
@@ -445,7 +444,7 @@ def runs_of_true(mask: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
     >>> runs_of_true(np.array([True, True, False, True]))
     [(0, 2), (3, 4)]
     """
-    return [(int(a), int(b)) for a, b in zip(*edges_of_runs(mask), strict=True) if b - a >= least_rows]
+    return [(int(a), int(b)) for a, b in zip(*series.edges_of_runs(mask), strict=True) if b - a >= least_rows]
 
 
 def _pitch_channel_name(actuator: ship.Actuator) -> str | None:

@@ -29,8 +29,8 @@ from seatrial.acquisition.core import ship
 from seatrial.acquisition.core.quantities import Bools, Floats, Ints, Series
 from seatrial.acquisition.core.trial import Quality, iso_utc
 from seatrial.analysis import series
-from seatrial.analysis.quality import findings
-from seatrial.analysis.tables.table import NANO, TimedValues, table_controls, utc_index, valid_values
+from seatrial.analysis.quality import findings, time_checks
+from seatrial.analysis.tables import table as tables
 
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0
@@ -57,6 +57,7 @@ _CHANCE = 1e-4
 _CONTROL_TURNS_DEG = (73.0, 131.0, 229.0, 287.0)
 """Not halves, thirds or quarters of a turn: samples on the lines crowd there."""
 
+REPEATED = "repeated"
 ALTERNATING = "alternating_levels"
 _FEWEST_TURNS = 8
 _FEWEST_STEPS = 16
@@ -93,10 +94,10 @@ def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None =
         return []
     limit = 2.5 * float(np.quantile(steps[steps > 0], [0.5, 0.95]).max())
     places = np.flatnonzero(steps > limit)
-    gaps = [series.Stretch(int(times[at]), int(times[at + 1]), float(steps[at]) / NANO) for at in places]
+    gaps = [series.Stretch(int(times[at]), int(times[at + 1]), float(steps[at]) / tables.NANO) for at in places]
     for first, last in ((start_ns, int(times[0])), (int(times[-1]), end_ns)):
-        if first is not None and last is not None and last - first > max(limit, 10 * NANO):
-            gaps.append(series.Stretch(first, last, (last - first) / NANO))
+        if first is not None and last is not None and last - first > max(limit, 10 * tables.NANO):
+            gaps.append(series.Stretch(first, last, (last - first) / tables.NANO))
     return sorted(gaps)
 
 
@@ -113,7 +114,7 @@ def find_spikes(samples: Series, channel: ship.Channel) -> Bools:
     """
     places, times, values = series.sort_by_time(samples, channel)
     bad = np.zeros(samples.value.size, dtype=bool)
-    seconds = (times - times[:1]) / NANO
+    seconds = (times - times[:1]) / tables.NANO
     distinct = np.diff(seconds, prepend=-1.0) > 0
     places, seconds, values = places[distinct], seconds[distinct], values[distinct]
     if values.size < 16:
@@ -131,7 +132,7 @@ def find_spikes(samples: Series, channel: ship.Channel) -> Bools:
     group, noise = series.check_group(channel), np.zeros(values.size)
     rate, acceleration = (limits.get(group, 0.0) for limits in (_POSSIBLE_RATE, _POSSIBLE_ACCELERATION))
     for width in range(1, WIDEST_SPIKE + 1):
-        usual, leaving, span = _departures_from_line(seconds, values, slope, width)
+        usual, leaving, span = _departures_from_chord(seconds, values, slope, width)
         noise = np.maximum(noise, usual)
         possible = rate * span / 2.0 + acceleration * span**2 / 8.0
         limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(sustained, possible))
@@ -146,7 +147,7 @@ def find_spikes(samples: Series, channel: ship.Channel) -> Bools:
     return bad
 
 
-def _departures_from_line(
+def _departures_from_chord(
     seconds: Floats, values: Floats, slope: Floats, width: int
 ) -> tuple[Floats, Floats, Floats]:
     """By the first of ``width`` samples: how far such samples usually are to one side of the line from the sample
@@ -229,7 +230,7 @@ class ChannelFaults:
         flags = np.full(self.samples.value.size, Quality.GOOD, dtype=np.uint8)
         suspect = self.masks["duplicate"] | self.masks["time_backwards"] | self.masks["marked_suspect"]
         flags[suspect] = Quality.SUSPECT
-        unknown = np.isnan(valid_values(self.samples))
+        unknown = np.isnan(tables.valid_values(self.samples))
         flags[self.masks["stuck"] | self.masks["spike"] | self.masks["out_of_range"] | unknown] = Quality.BAD
         return flags
 
@@ -241,7 +242,7 @@ class ChannelFaults:
         stretches = series.flagged_stretches(self.samples.measured_ns, self.masks[code])
         if code != "spike":
             return stretches
-        values, spikes = valid_values(self.samples), []
+        values, spikes = tables.valid_values(self.samples), []
         for stretch in stretches:
             at = int(np.flatnonzero(self.samples.measured_ns == stretch.start_ns)[0])
             neighbours = values[max(at - 4, 0) : at + 7]
@@ -252,11 +253,11 @@ class ChannelFaults:
             spikes.append(replace(stretch, size=abs(float(np.nanmedian(turns)))))
         return spikes
 
-    def quality(self, has_finding: bool, jumps: list[findings.ClockJump]) -> ChannelQuality:
+    def quality(self, has_finding: bool, jumps: list[time_checks.ClockJump]) -> ChannelQuality:
         """The channel in figures; ``has_finding`` is whether a finding is about it."""
         times, gaps, flags = self.samples.measured_ns, self.listed["gap"], self.flags()
-        span_s = float(times.max() - times.min()) / NANO if times.size else 0.0
-        interval = series.median_interval_ns(times) / NANO
+        span_s = float(times.max() - times.min()) / tables.NANO if times.size else 0.0
+        interval = series.median_interval_ns(times) / tables.NANO
         jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
         silent_s = sum(gap.size for gap in gaps if (gap.start_ns, gap.end_ns) not in jumped)
         missing = round(silent_s / interval) if interval else 0
@@ -278,7 +279,7 @@ class ChannelFaults:
 def find_channel_faults(
     channel: ship.Channel,
     samples: Series,
-    rate: TimedValues | None = None,
+    rate: tables.TimedValues | None = None,
     bounds_ns: tuple[int, int] | None = None,
     assumed: bool = False,
 ) -> ChannelFaults:
@@ -289,15 +290,15 @@ def find_channel_faults(
     """
     times, steady = samples.measured_ns, assumed or channel.state or ship.is_order_channel(channel.name)
     outside = ~ship.possible_mask(channel, samples.value) & ~np.isnan(samples.value)
-    sound = replace(samples, value=np.where(outside, np.nan, valid_values(samples)))
+    sound = replace(samples, value=np.where(outside, np.nan, tables.valid_values(samples)))
     behind = np.zeros(times.size, dtype=bool)
     behind[1:] = times[1:] < np.maximum.accumulate(times)[:-1]
     steps_back = [
-        series.Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / NANO)
+        series.Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / tables.NANO)
         for at in np.flatnonzero(np.diff(times) < 0)
     ]
-    jitter = findings.jitter_s(times)
-    jitters = jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * series.median_interval_ns(times)
+    jitter = time_checks.jitter_s(times)
+    jitters = jitter * np.sqrt(2.0) * tables.NANO > JITTER_SHARE * series.median_interval_ns(times)
     masks = {
         "stuck": np.zeros(times.size, dtype=bool) if steady else series.find_stuck(sound, channel, rate),
         "spike": np.zeros(times.size, dtype=bool) if steady else find_spikes(sound, channel),
@@ -329,7 +330,7 @@ def grade_of(flagged: dict[int, int], missing: int, has_finding: bool) -> Grade:
 
 def is_checked_angle(table: pd.DataFrame, name: str) -> bool:
     """Whether a channel is an angle that :func:`check_heading_wrap` judges: heading, wind, an actuator's."""
-    return name in _ALWAYS_CHECKED or (name in table_controls(table) and ship.is_circular(name))
+    return name in _ALWAYS_CHECKED or (name in tables.table_controls(table) and ship.is_circular(name))
 
 
 def check_heading_wrap(table: pd.DataFrame) -> findings.CheckResult:
@@ -338,11 +339,11 @@ def check_heading_wrap(table: pd.DataFrame) -> findings.CheckResult:
     Judges the heading, the wind's direction and the azimuths, one finding a channel; the samples on the
     lines are flagged bad. ``estimate`` says how many ``samples`` on how many ``places``.
     """
-    judged = (name for name in (*_ALWAYS_CHECKED, *table_controls(table)) if is_checked_angle(table, name))
+    judged = (name for name in (*_ALWAYS_CHECKED, *tables.table_controls(table)) if is_checked_angle(table, name))
     names = tuple(name for name in judged if name in table)
-    flags, index, faults = findings.uniform_flags(table, names), utc_index(table), []
+    flags, index, faults = findings.uniform_flags(table, names), tables.utc_index(table), []
     for name in names:
-        rows, places = _seam_lines(table, name)
+        rows, places = _interpolated_across_seam(table, name)
         findings.set_flags(flags, name, rows, Quality.BAD)
         if places:
             seam = "360 and 0" if ship.BY_NAME[name].low == 0.0 else "180 and -180"
@@ -357,14 +358,14 @@ def check_heading_wrap(table: pd.DataFrame) -> findings.CheckResult:
     return findings.CheckResult(flags, tuple(faults))
 
 
-def seam_line_mask(table: pd.DataFrame, name: str) -> Bools:
+def wrap_interpolation_mask(table: pd.DataFrame, name: str) -> Bools:
     """Whether each value of an angle lies on a straight line through its seam: [rows]."""
     wrong = np.zeros(len(table), np.bool_)
-    wrong[_seam_lines(table, name)[0]] = True
+    wrong[_interpolated_across_seam(table, name)[0]] = True
     return wrong
 
 
-def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
+def _interpolated_across_seam(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
     """The rows of samples on lines through the seam and the number of places; none where chance explains them.
 
     A spike that happens to stand where the ship passes north looks the same. It would stand as often where it
@@ -386,22 +387,22 @@ def _seam_lines(table: pd.DataFrame, name: str) -> tuple[Ints, int]:
         return nothing
     limit_deg = max(10.0 * scatter_deg, _SMALLEST_DEG)
     from_seam = ship.wrap_360(value - channel.low)
-    lines = _lines_across_seam(time_s, from_seam, expected_deg, limit_deg)
+    excursions = _excursions_across_seam(time_s, from_seam, expected_deg, limit_deg)
     # Spikes affect few of the passages, or no more than the excursions elsewhere make likely.
-    passages = lines.affected_passages + lines.clean_passages
-    share = _CHANCE + 3.0 * lines.elsewhere / lines.wrong.size
-    by_chance = float(special.bdtrc(lines.affected_passages - 1, passages, min(share, 1.0)))
-    could_be_spikes = lines.affected_passages < _FEWEST_AFFECTED * passages or by_chance > 0.01
-    if lines.places < (1 if name == "heading_deg" else 3) or could_be_spikes:
+    passages = excursions.affected_passages + excursions.clean_passages
+    share = _CHANCE + 3.0 * excursions.elsewhere / excursions.wrong.size
+    by_chance = float(special.bdtrc(excursions.affected_passages - 1, passages, min(share, 1.0)))
+    could_be_spikes = excursions.affected_passages < _FEWEST_AFFECTED * passages or by_chance > 0.01
+    if excursions.places < (1 if name == "heading_deg" else 3) or could_be_spikes:
         return nothing
     control_places = [
-        _lines_across_seam(time_s, ship.wrap_360(from_seam + turn), expected_deg, limit_deg).places
+        _excursions_across_seam(time_s, ship.wrap_360(from_seam + turn), expected_deg, limit_deg).places
         for turn in _CONTROL_TURNS_DEG
     ]
-    return (rows[lines.wrong], lines.places) if lines.places > 3 * max(control_places) else nothing
+    return (rows[excursions.wrong], excursions.places) if excursions.places > 3 * max(control_places) else nothing
 
 
-class _Lines(NamedTuple):
+class _SeamExcursions(NamedTuple):
     """The samples on lines across the circle [n], on how many ``places``, and the evidence for spikes instead."""
 
     wrong: Bools
@@ -412,7 +413,9 @@ class _Lines(NamedTuple):
     """Excursions of the same kind that have nothing to do with the seam."""
 
 
-def _lines_across_seam(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float) -> _Lines:
+def _excursions_across_seam(
+    time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float
+) -> _SeamExcursions:
     """Lines across the circle of angles that are counted from the seam.
 
     Groups of consecutive steps that the rate of turn does not explain are lines where their ends agree with it on
@@ -457,7 +460,36 @@ def _lines_across_seam(time_s: Floats, from_seam_deg: Floats, expected_deg: Floa
     for inside, deviation_deg in (*certain, *(swings if len(certain) >= 3 else ())):
         wrong[inside] |= deviation_deg > limit_deg
     passes = (np.abs(step_deg) > whole_deg) & ~wrong[:-1] & ~wrong[1:]
-    return _Lines(wrong, int(series.edges_of_runs(wrong)[0].size), len(certain), int(passes.sum()), elsewhere)
+    places = int(series.edges_of_runs(wrong)[0].size)
+    return _SeamExcursions(wrong, places, len(certain), int(passes.sum()), elsewhere)
+
+
+def check_repeats(table: pd.DataFrame) -> findings.CheckResult:
+    """Find channels of the motion and angles that repeat the values of a slower source (``repeated``).
+
+    ``estimate``: the time between the source's own values, ``period_s``. Repeats are as late as they are old, and
+    flagged suspect.
+    """
+    angles = [actuator.angle.name for actuator in tables.table_actuators(table) if actuator.angle is not None]
+    names = [name for name in (*ship.POSE_AND_VELOCITY, *angles) if name in table]
+    flags, faults, index = findings.uniform_flags(table, names), list[findings.Finding](), tables.utc_index(table)
+    for name in names:
+        samples = series.finite_samples(table, name)
+        rows, period_s = series.find_repeats(samples, is_command=name in angles)
+        if not rows.size:
+            continue
+        findings.set_flags(flags, name, rows, Quality.SUSPECT)
+        late_s = 0.5 * (period_s - float(np.median(np.diff(samples.time_s))))
+        text = (
+            f"{name} has a new value every {period_s:.3g} s and repeats it in between, so that it is late by "
+            f"{late_s:.2g} s on average"
+        )
+        remedy = "Record each value once, when it is new; --repair leaves the repeats out"
+        start, end = index[samples.rows[[0, -1]]]
+        faults.append(
+            findings.Finding(REPEATED, name, start, end, text, remedy, {"period_s": period_s}, certain=True)
+        )
+    return findings.CheckResult(flags, tuple(faults))
 
 
 @dataclass(frozen=True, slots=True)

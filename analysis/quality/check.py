@@ -22,7 +22,7 @@ from seatrial.acquisition.core.result import Result
 from seatrial.acquisition.core.ship import BY_NAME, channels_by_name_of, possible_channels_of_table, wrap_to_range
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.recording.reader import Event, Recording, events_of_recording
-from seatrial.analysis.quality import channel_checks, situations
+from seatrial.analysis.quality import channel_checks, controls, situations, time_checks
 from seatrial.analysis.quality import findings as quality
 from seatrial.analysis.quality.motion.findings import check_motion
 from seatrial.analysis.quality.motion.model import fit_coarsely
@@ -31,9 +31,9 @@ from seatrial.analysis.series import ASSUMED, Stretch, expected_rates, rows_of_s
 from seatrial.analysis.tables import table as tables
 
 CHECKS: tuple[quality.Check, ...] = (
-    check_motion, channel_checks.check_heading_wrap, quality.check_orders, quality.check_thruster_feedback,
-    quality.check_exchanged_feedback, quality.check_helm_sign, quality.check_shaft_sign, quality.check_repeats,
-    check_wind, situations.check_situations,
+    check_motion, channel_checks.check_heading_wrap, controls.check_orders, controls.check_thruster_feedback,
+    controls.check_exchanged_feedback, controls.check_helm_sign, controls.check_shaft_sign,
+    channel_checks.check_repeats, check_wind, situations.check_situations,
 )  # fmt: skip
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
@@ -42,7 +42,7 @@ SEVERITY = ("time_outlier", "clock_jump", "alternating_levels", "time_backwards"
            "motion_contradiction", "helm_sign", "shaft_sign", "stuck", "position_jump", "heading_wrap_interpolated",
            "speed_scale", "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_time_jitter",
            "heading_offset", "yaw_rate_bias", "position_offset", "wind_apparent", "wind_direction_offset",
-           "order_interpolated", quality.REPEATED, "ship_held", "ship_towed", "spike", "gap", "quantised",
+           "order_interpolated", channel_checks.REPEATED, "ship_held", "ship_towed", "spike", "gap", "quantised",
            "time_jitter", "duplicate")  # fmt: skip
 """Codes of findings, the most severe first; others come last."""
 
@@ -229,7 +229,7 @@ def _check_stretch(
         for name in explained & set(faults) & set(result.flags.columns):
             doubtful = np.isin(result.flags[name].to_numpy()[rows[name]], (Quality.SUSPECT, Quality.BAD))
             faults[name].masks["spike"][doubtful] = False
-    jumps, jump_findings = _clock_jumps(series, joined)
+    jumps, jump_findings = time_checks.check_clocks(series, joined)
     alternations = channel_checks.alternation_findings(
         {name: fault.samples for name, fault in faults.items()}, channels
     )
@@ -304,39 +304,10 @@ def _correct_impossible(
     return joined, possible
 
 
-def _clock_jumps(
-    series: Mapping[str, Series], joined: pd.DataFrame
-) -> tuple[list[quality.ClockJump], list[quality.Finding]]:
-    """Jumps of clocks against reception where that was recorded, else against the ship's motion."""
-    clocks = [(f"The clock of {source}", jump) for source, jump in quality.find_reception_jumps(series)]
-    if not clocks:
-        # The rows in the order of receipt where the channels share their stamps; else in the order of measurement,
-        # each row of a position with the last values of the other channels.
-        position = series["north_m"].measured_ns if "north_m" in series else np.zeros(0, np.int64)
-        moving = joined
-        if all(np.array_equal(position, samples.measured_ns) for samples in series.values()):
-            values = {name: tables.valid_values(samples) for name, samples in series.items()}
-            moving = pd.DataFrame(values, index=tables.index_of(position))
-        elif "north_m" in joined:
-            moving = joined.ffill()[joined["north_m"].notna().to_numpy()]
-        clocks = [("The clock, but not the ship,", jump) for jump in quality.find_clock_jumps(moving)]
-    findings = []
-    for clock, jump in clocks:
-        text = (
-            f"{clock} jumps {'forward' if jump.seconds > 0 else 'back'} by {abs(jump.seconds):.2f} s "
-            f"({abs(jump.low):.2f} to {abs(jump.high):.2f}) at {quality.utc_timestamp(jump.start_ns):%H:%M:%S}"
-        )
-        remedy = "Take the jump off every later stamp before anything crosses it"
-        estimate = {"seconds": jump.seconds, "low": jump.low, "high": jump.high}
-        ends = quality.utc_timestamp(jump.start_ns), quality.utc_timestamp(jump.end_ns)
-        findings.append(quality.Finding("clock_jump", quality.ALL, *ends, text, remedy, estimate))
-    return [jump for _, jump in clocks], findings
-
-
 def _findings_of_single_channels(
     faults: Mapping[str, channel_checks.ChannelFaults],
     across: tuple[quality.Finding, ...],
-    jumps: list[quality.ClockJump],
+    jumps: list[time_checks.ClockJump],
 ) -> list[quality.Finding]:
     """Findings of the checks of one channel, without those that a finding across channels explains."""
     jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
@@ -470,7 +441,7 @@ def group_findings_by_cause(
     """The causes of findings, in the order of their first ones.
 
     ``gaps`` and ``sources`` are those of each channel, ``events`` the recording's log, of which a cause quotes the
-    first two entries and the last on its lines, or of the recorder, in its stretches of time.
+    first two entries and the last on its sources, or of the recorder, in its stretches of time.
     """
     groups: list[list[quality.Finding]] = []
     for finding in findings:
@@ -484,7 +455,7 @@ def group_findings_by_cause(
     causes = []
     for group in groups:
         channels = tuple(dict.fromkeys(finding.channel for finding in group))
-        lines = tuple(sorted({line for name in channels for line in _source_lines_of_channel(sources, name)}))
+        names = tuple(sorted({name for channel in channels for name in _source_names_of_channel(sources, channel)}))
         spans = [(gap.start_ns, gap.end_ns) for name in channels for gap in gaps.get(name, ())]
         if group[0].code != "gap":
             spans = []
@@ -492,11 +463,11 @@ def group_findings_by_cause(
             spans = [(finding.start.value, finding.end.value) for finding in group]
         texts = [
             event.text for event in log
-            if event.source in ("", *lines)
+            if event.source in ("", *names)
             and any(start <= event.time_ns <= end + slack_ns for start, end in spans)
         ]  # fmt: skip
         texts = texts if len(texts) <= 3 else [*texts[:2], texts[-1]]
-        causes.append(Cause(tuple(group), channels, lines, tuple(dict.fromkeys(texts))))
+        causes.append(Cause(tuple(group), channels, names, tuple(dict.fromkeys(texts))))
     return tuple(causes)
 
 
@@ -518,8 +489,8 @@ def _have_same_cause(
         )  # fmt: skip
         longest_s = max(sum(gap.seconds for gap in silences) for silences in (first, second))
         return together_s > 0.0 and together_s >= _ALIKE * longest_s
-    lines = _source_lines_of_channel(sources, finding.channel)
-    if not lines or lines != _source_lines_of_channel(sources, member.channel):
+    names = _source_names_of_channel(sources, finding.channel)
+    if not names or names != _source_names_of_channel(sources, member.channel):
         return False
     if finding.code in _OF_TIME:  # what they have in common is most of the time of both
         common_s = (min(finding.end, member.end) - max(finding.start, member.start)).total_seconds()
@@ -531,8 +502,8 @@ def _have_same_cause(
     return same_span and None not in counts and counts[0] == counts[1]
 
 
-def _source_lines_of_channel(sources: Mapping[str, Sequence[str]], channel: str) -> frozenset[str]:
-    """The lines, or tables, that a channel's samples came from: a label's beginning."""
+def _source_names_of_channel(sources: Mapping[str, Sequence[str]], channel: str) -> frozenset[str]:
+    """The sources, or tables, that a channel's samples came from: a label's beginning."""
     return frozenset(
         label.partition("/")[0].partition(":")[0].partition(" ")[0] for label in sources.get(channel, ())
     )

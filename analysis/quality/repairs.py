@@ -24,17 +24,9 @@ import pandas as pd
 from seatrial.acquisition.core import errors, files, ship, trial
 from seatrial.acquisition.core.quantities import Bools, Floats, integrate
 from seatrial.acquisition.recording import reader, writer
-from seatrial.analysis.quality import check, wind
-from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, is_checked_angle, seam_line_mask
-from seatrial.analysis.quality.findings import (
-    ALL,
-    ORDER_INTERPOLATED,
-    OTHER_TURN,
-    REPEATED,
-    Finding,
-    Flags,
-    hold_orders,
-)
+from seatrial.analysis.quality import channel_checks, check, wind
+from seatrial.analysis.quality.controls import ORDER_INTERPOLATED, hold_orders
+from seatrial.analysis.quality.findings import ALL, OTHER_TURN, Finding, Flags
 from seatrial.analysis.quality.motion.findings import delays_in_findings
 from seatrial.analysis.quality.motion.positions import reconstruct_heading, reconstruct_positions
 from seatrial.analysis.series import finite_samples, rows_of_samples, without_repeats
@@ -246,7 +238,9 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
         value = table[name].to_numpy(dtype=float, copy=True)
         if name in flags:
             bad = within & (np.asarray(flags[name]) == trial.Quality.BAD)
-            value[bad & ~seam_line_mask(table, name) if is_checked_angle(table, name) else bad] = np.nan
+            if channel_checks.is_checked_angle(table, name):
+                bad &= ~channel_checks.wrap_interpolation_mask(table, name)
+            value[bad] = np.nan
         channel = ship.find_channel(name, ship.channels_by_name_of(table.attrs))
         if finding.code == "out_of_range" and channel is not None:
             value[~ship.possible_mask(channel, value)] = np.nan
@@ -305,8 +299,8 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     neighbours is shared out linearly. In holes beyond 10 s (60 s with a yaw rate) they become gaps.
     """
     name = finding.channel
-    invalid = seam_line_mask(table, name) if name in table else np.zeros(len(table), np.bool_)
-    if not invalid.any():
+    invalid = channel_checks.wrap_interpolation_mask(table, name) if name in table else None
+    if invalid is None or not invalid.any():
         return _NOTHING
     value = table[name].to_numpy(dtype=float, copy=True)
     rate = finite_samples(table, "yaw_rate_dps")
@@ -381,8 +375,8 @@ REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepai
     "spike": remove_flagged,
     "stuck": remove_flagged,
     "duplicate": remove_duplicates,
-    REPEATED: remove_repeats,
-    WRAP_INTERPOLATED: repair_heading_wrap,
+    channel_checks.REPEATED: remove_repeats,
+    channel_checks.WRAP_INTERPOLATED: repair_heading_wrap,
     "yaw_rate_scale": scale_channels,
     "speed_scale": scale_channels,
     "heading_time_jitter": repair_heading,

@@ -79,7 +79,7 @@ class _Tolerance(NamedTuple):
     mps: float
 
 
-_ON_LINES = _Tolerance(2.0, 5.0, 0.1)
+_MOORED = _Tolerance(2.0, 5.0, 0.1)
 """R/V Gunnerus at the quay on slack lines (2019): 0.8 m and 3.5 deg in two minutes, 0.02 m/s. A receiver without
 corrections wanders 0.5 to 1 m in 3 minutes."""
 _FAST = _Tolerance(0.3, 1.0, 0.03)
@@ -300,7 +300,7 @@ def _noise_range(sigma: float) -> float:
 
 def _held_rows(seconds: pd.DataFrame, slow: pd.DataFrame, noise: Mapping[str, float], drives: _Drives) -> Bools:
     moved_m = np.hypot(_running_range(slow["north_m"].to_numpy()), _running_range(slow["east_m"].to_numpy()))
-    noise_m = _noise_range(min(max(noise["north_m"], noise["east_m"]), _ON_LINES.metres))
+    noise_m = _noise_range(min(max(noise["north_m"], noise["east_m"]), _MOORED.metres))
     turned_deg = _running_range(slow["heading_deg"].to_numpy())
     noise_deg = _noise_range(min(noise["heading_deg"], _FAST.degrees))
     speeds = [name for name in ("surge_mps", "sway_mps") if name in slow]
@@ -318,7 +318,7 @@ def _held_rows(seconds: pd.DataFrame, slow: pd.DataFrame, noise: Mapping[str, fl
         within = (moved_m <= tolerance.metres + noise_m) & (turned_deg <= tolerance.degrees + noise_deg)
         return np.asarray(within & (fastest_mps <= tolerance.mps + noise_mps) & alive)
 
-    calm, held = _rows_of_windows(lies_still(_ON_LINES)), _rows_of_windows(lies_still(_FAST) & drives.push)
+    calm, held = _rows_of_windows(lies_still(_MOORED)), _rows_of_windows(lies_still(_FAST) & drives.push)
     uncontrolled = _rows_of_windows(drives.constant & _holds_for_rows(calm, _CONSTANT_S), _CONSTANT_S)
     for first, stop in zip(*edges_of_runs(calm), strict=True):
         held[first:stop] |= bool(uncontrolled[first:stop].mean() >= _UNCONTROLLED)

@@ -421,11 +421,11 @@ def index_page(
     rows: Sequence[Row],
     failures: Sequence[tuple[str, list[str]]],
     title: str,
-    live: Mapping[str, Any] | None = None,
+    served: Mapping[str, Any] | None = None,
 ) -> Page:
     """The page of rows as of :func:`seatrial.analysis.batch.summary_row` and failures by their cause.
 
-    ``live`` is of a page that is served: its scripts' ``nonce``, how many are ``waiting``, and, where files may be
+    ``served`` is of a page of a server: its scripts' ``nonce``, how many are ``waiting``, and, where files may be
     sent, up to how many MB (``upload_mb``) and with which ``token``.
     """
     filled = [
@@ -451,7 +451,7 @@ def index_page(
     choices["kind"] = ("any manoeuvre", sorted({kind for row in filled for kind in row["manoeuvres"]}))
     verdicts = any(row["verdict"] for row in filled)
     return render(
-        "index.html", title=title, rows=filled, failures=failures, figures=figures, live=live,
+        "index.html", title=title, rows=filled, failures=failures, figures=figures, served=served,
         columns={key: head for key, head in _COLUMNS.items() if key != "verdict" or verdicts},
         choices={name: choice for name, choice in choices.items() if choice[1]},
         numeric=_NUMERIC, ordered=_NUMERIC | {"status", "grade", "findings"}, quote=quote,
@@ -534,11 +534,11 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     edges = np.linspace(first, last + 1, _BINS + 1)
     days = date2num(edges.astype("datetime64[ns]"))  # type: ignore[no-untyped-call]
     names = list(quality.channels)
-    for line, name in enumerate(names):
+    for row, name in enumerate(names):
         flags = binned_flags(stamps, quality.flags[name].to_numpy(), edges)
         for flag, colour in COLOURS.items():
             bars = [(days[a], days[b] - days[a]) for a, b in zip(*edges_of_runs(flags == flag), strict=True)]
-            axes.broken_barh(bars, (line - 0.32, 0.5), facecolors=colour, linewidth=0)
+            axes.broken_barh(bars, (row - 0.32, 0.5), facecolors=colour, linewidth=0)
 
     codes = list(dict.fromkeys(finding.code for finding in quality.findings))
     colours = {code: PALETTE[number % len(PALETTE)] for number, code in enumerate(codes)}
@@ -550,9 +550,9 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
         colour, depth = colours[finding.code], codes.index(finding.code) % 3
         if finding.channel in (ALL, SHIP):
             axes.axvspan(start, end, color=colour, alpha=0.25, linewidth=0, zorder=0)
-        for line, name in enumerate(names):
+        for row, name in enumerate(names):
             if finding.channel == ALL or name in finding.channel:
-                bar = (line + 0.22 + 0.08 * depth, 0.08)
+                bar = (row + 0.22 + 0.08 * depth, 0.08)
                 axes.broken_barh([(start, end - start)], bar, facecolors=colour, linewidth=0)
 
     axes.set_yticks(range(len(names)), names, fontsize=8)

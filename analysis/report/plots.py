@@ -155,7 +155,7 @@ def draw_track(
 
 
 def draw_ship_outlines(
-    axes: Axes, across: Floats, up: Floats, heading_rad: Floats, length_m: float, words: str | None = None
+    axes: Axes, across: Floats, upwards: Floats, heading_rad: Floats, length_m: float, words: str | None = None
 ) -> list[Artist]:
     """A ship's outlines along a path [rows], pale and behind it: a dozen at most, none upon another.
 
@@ -163,23 +163,23 @@ def draw_ship_outlines(
     """
     forward, sideways = length_m * HULL_OUTLINE[:, 0], length_m * HULL_OUTLINE[:, 1]
     artists = list[Artist]()
-    for row in outline_rows(across, up, length_m):
+    for row in outline_rows(across, upwards, length_m):
         x = across[row] + forward * np.sin(heading_rad[row]) + sideways * np.cos(heading_rad[row])
-        y = up[row] + forward * np.cos(heading_rad[row]) - sideways * np.sin(heading_rad[row])
+        y = upwards[row] + forward * np.cos(heading_rad[row]) - sideways * np.sin(heading_rad[row])
         label = None if artists else words
         artists += axes.fill(x, y, facecolor="#E3EBF1", edgecolor="#8FA3B3", linewidth=0.7, zorder=1.5, label=label)
     return artists
 
 
-def outline_rows(across: Floats, up: Floats, length_m: float) -> list[int]:
+def outline_rows(across: Floats, upwards: Floats, length_m: float) -> list[int]:
     """Rows of a path [rows] at which outlines of ``length_m`` do not overlap, the first among them."""
-    way = np.append(0.0, np.cumsum(np.hypot(np.diff(across), np.diff(up))))
+    way = np.append(0.0, np.cumsum(np.hypot(np.diff(across), np.diff(upwards))))
     step = max(_STEP * length_m, way[-1] / (_MOST_OUTLINES - 1), 1e-9)
     chosen: list[int] = []
     for row in np.searchsorted(way, np.arange(0.0, way[-1] + step / 4.0, step / 4.0)[: 8 * _MOST_OUTLINES]):
         at = min(int(row), way.size - 1)
         near = [
-            np.hypot(across[at] - across[chosen_row], up[at] - up[chosen_row]) < _CLEARANCE * length_m
+            np.hypot(across[at] - across[chosen_row], upwards[at] - upwards[chosen_row]) < _CLEARANCE * length_m
             for chosen_row in chosen
         ]
         if not any(near) and (not chosen or way[at] - way[chosen[-1]] >= 0.99 * step):
@@ -449,16 +449,16 @@ class _KeepClear(Artist):
                 label.arrow_patch.set_visible(ring > 0)
 
     def _place(
-        self, point: Floats, half: Floats, scale: float, taken: Sequence[Floats], hidden: Floats
+        self, point: Floats, half_size: Floats, scale: float, occupied: Sequence[Floats], hidden: Floats
     ) -> tuple[Floats, Floats, int]:
         """The nearest place that is clear, or the best: its box [low, high; x, y; px], offset [px] and ring about
         the point. A place costs the labels that it is over [px2], then the edge [px], then the points of lines."""
         best, least = (np.zeros((2, 2)), np.zeros(2), 0), (np.inf,) * 3
         (x0, y0), (x1, y1) = np.asarray(self.frame.bbox)
         for ring, far in enumerate(_FAR_PT):
-            for offset in _SIDES * (half + far * scale):
-                low, high = box = np.stack([point + offset - half, point + offset + half])
-                sides = (np.maximum(np.minimum(high, b) - np.maximum(low, a), 0.0) for a, b in taken)
+            for offset in _SIDES * (half_size + far * scale):
+                low, high = box = np.stack([point + offset - half_size, point + offset + half_size])
+                sides = (np.maximum(np.minimum(high, b) - np.maximum(low, a), 0.0) for a, b in occupied)
                 over = sum(float(np.prod(side)) for side in sides)
                 outside = max(0.0, x0 - low[0], y0 - low[1], high[0] - x1, high[1] - y1)
                 cost = over, outside, float(((hidden > low) & (hidden < high)).all(axis=1).sum())

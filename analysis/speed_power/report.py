@@ -29,9 +29,9 @@ UNCERTAINTY_TITLES = ("source of uncertainty", "95 % alone")
 _WHOLE_KW = 100.0
 
 
-def as_dict(result: SpeedPower, asked: Sequence[SpeedAtPower] = ()) -> dict[str, Any]:
-    """The result as JSON has it; ``asked`` are speeds at powers that a user asked for."""
-    return {**to_json(result), "asked": to_json(list(asked))}
+def as_dict(result: SpeedPower, requested: Sequence[SpeedAtPower] = ()) -> dict[str, Any]:
+    """The result as JSON has it; ``requested`` are speeds at powers that a user asked for."""
+    return {**to_json(result), "asked": to_json(list(requested))}
 
 
 def speed_text(speed: SpeedAtPower) -> tuple[str, str]:

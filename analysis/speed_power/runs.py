@@ -445,35 +445,35 @@ def _combine_columns_of_sides(quantity: str, table: pd.DataFrame, columns: list[
     return np.asarray(total(np.array(sides), axis=0))
 
 
-def _required_column(read: Mapping[str, Floats], name: str) -> Floats:
-    if name not in read:
+def _required_column(columns: Mapping[str, Floats], name: str) -> Floats:
+    if name not in columns:
         kind = _QUANTITIES[name]
         raise InputError(
             f"has no column for the {name.replace('_', ' ')}",
             fix=f"name it {kind.names[0]!r}, with its unit, as [{_usual_unit(kind.unit)}]",
         )
-    values = read[name]
+    values = columns[name]
     if not np.isfinite(values).all():
         row = int(np.flatnonzero(~np.isfinite(values))[0]) + 1
         raise InputError(f"has no {name.replace('_', ' ')} in run {row}", fix="fill the cell, or leave the row out")
     return values
 
 
-def _wind_of(read: Mapping[str, Floats]) -> tuple[Floats, Floats]:
+def _wind_of(columns: Mapping[str, Floats]) -> tuple[Floats, Floats]:
     """Where the true wind comes from [deg] and its speed [m/s]: as given, else from the relative wind."""
-    heading, speed = (_required_column(read, name) for name in ("heading", "speed"))
+    heading, speed = (_required_column(columns, name) for name in ("heading", "speed"))
     for first, second in (_TRUE_WIND, _RELATIVE_WIND):
-        if (first in read) != (second in read):
+        if (first in columns) != (second in columns):
             raise InputError(
-                f"has no column for the {(second if first in read else first).replace('_', ' ')}",
+                f"has no column for the {(second if first in columns else first).replace('_', ' ')}",
                 why="the wind is known by speed and direction",
             )
-    if _TRUE_WIND[0] in read:
-        return read[_TRUE_WIND[1]], read[_TRUE_WIND[0]]
-    if _RELATIVE_WIND[0] not in read:
+    if _TRUE_WIND[0] in columns:
+        return columns[_TRUE_WIND[1]], columns[_TRUE_WIND[0]]
+    if _RELATIVE_WIND[0] not in columns:
         return np.full_like(heading, np.nan), np.full_like(heading, np.nan)
     ahead = np.exp(1j * np.deg2rad(heading))
-    relative = read[_RELATIVE_WIND[0]] * np.exp(1j * np.deg2rad(read[_RELATIVE_WIND[1]]))
+    relative = columns[_RELATIVE_WIND[0]] * np.exp(1j * np.deg2rad(columns[_RELATIVE_WIND[1]]))
     true_wind = (relative - speed) * ahead
     return np.asarray(np.rad2deg(np.angle(true_wind)) % 360.0), np.asarray(np.abs(true_wind))
 

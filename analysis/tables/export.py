@@ -236,11 +236,11 @@ def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     provenance = {
         key: value if isinstance(value, str) else json.dumps(value) for key, value in about["provenance"].items()
     }
-    rate = {} if about["rate_hz"] is None else {"rate_hz": about["rate_hz"]}
+    rate_hz = {} if about["rate_hz"] is None else {"rate_hz": about["rate_hz"]}
     structs = {
         "units": {"time": "s since 1970 UTC", **about["units"]},
         "trial": {**about["trial"], "software_version": software_version()},
-        "provenance": {**provenance, **rate},
+        "provenance": {**provenance, **rate_hz},
     }
     renamed = {key: {matlab_name(name): value for name, value in struct.items()} for key, struct in structs.items()}
     content = {"time": times_ns(table) / NANO, **vectors, **renamed}
@@ -591,7 +591,7 @@ def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about:
     ship, place = trial.vessel or "a ship", f", {trial.place}" if trial.place else ""
     steps = [f"{step['version']}: {step['step']} {json.dumps(step['options'])}"
              for step in about["provenance"]["history"]]  # fmt: skip
-    rate = about["rate_hz"]
+    rate_hz = about["rate_hz"]
     columns = [column for column in map(str, table.columns) if not column.endswith((FLAG_SUFFIX, SIGMA_SUFFIX))]
     summary = (
         f"Measurements aboard {ship}{place}, in a sea trial of {_iso_time(int(times_ns(table)[0]) / NANO)}, each "
@@ -615,7 +615,7 @@ def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about:
         "platform": trial.vessel,
         "source": f"sensors of the ship, from {about['recording'] or 'a table'}",
         "history": "\n".join([*steps, f"{software_version()}: export"]),
-        "processing_level": "samples as measured" if rate is None else f"resampled to {rate:g} Hz",
+        "processing_level": "samples as measured" if rate_hz is None else f"resampled to {rate_hz:g} Hz",
         "standard_name_vocabulary": "CF Standard Name Table v93",
         "date_created": _iso_time(int(times_ns(table)[-1]) // NANO),  # of the data; no product has a time of day
         "comment": "; ".join(comments),

@@ -143,7 +143,7 @@ def _on_grid(
     lookahead_steps: int | None,
 ) -> pd.DataFrame:
     """Every channel on the grid that spans all of them; one channel's samples are held at a time."""
-    rate = rate_fraction(rate_hz)
+    exact_rate_hz = rate_fraction(rate_hz)
     channels = ship.channels_by_name_of(attributes)
     delay_ns = tables.delays_in_ns(delays or {}, channels)
 
@@ -159,10 +159,10 @@ def _on_grid(
     tables.require_plausible_span(
         first_ns, last_ns, (valid(name)[0] for name in names), str(attributes.get("recording", ""))
     )
-    grid_ns = grid(first_ns, last_ns, rate)
+    grid_ns = grid(first_ns, last_ns, exact_rate_hz)
     columns = {
         name: _resample_channel(
-            ship.find_channel(name, channels), *valid(name), grid_ns, rate, longest_gap_s, lookahead_steps
+            ship.find_channel(name, channels), *valid(name), grid_ns, exact_rate_hz, longest_gap_s, lookahead_steps
         )
         for name in names
     }
@@ -182,12 +182,12 @@ def rate_fraction(rate_hz: float) -> Fraction:
     return Fraction(rate_hz).limit_denominator(1000)
 
 
-def grid(first_ns: int, last_ns: int, rate: Fraction) -> Ints:
-    """All whole multiples of 1 / rate between two times, ends included [ns]; exact for thirds of seconds too."""
-    step = Fraction(tables.NANO) / rate
-    steps = np.arange(-(-first_ns // step), last_ns // step + 1, dtype=np.int64) * rate.denominator
-    seconds, remainder = np.divmod(steps, rate.numerator)
-    return np.asarray(seconds * tables.NANO + remainder * tables.NANO // rate.numerator, dtype=np.int64)
+def grid(first_ns: int, last_ns: int, rate_hz: Fraction) -> Ints:
+    """All whole multiples of 1 / ``rate_hz`` between two times, ends included [ns]; thirds of seconds are exact."""
+    step = Fraction(tables.NANO) / rate_hz
+    steps = np.arange(-(-first_ns // step), last_ns // step + 1, dtype=np.int64) * rate_hz.denominator
+    seconds, remainder = np.divmod(steps, rate_hz.numerator)
+    return np.asarray(seconds * tables.NANO + remainder * tables.NANO // rate_hz.numerator, dtype=np.int64)
 
 
 def _resample_channel(
@@ -195,7 +195,7 @@ def _resample_channel(
     time_ns: Ints,
     values: Floats,
     grid_ns: Ints,
-    rate: Fraction,
+    rate_hz: Fraction,
     longest_gap_s: float | None,
     lookahead_steps: int | None,
 ) -> Floats:
@@ -216,11 +216,11 @@ def _resample_channel(
     times, samples = _sorted_without_repeats(time_ns, values, circular)
     result = _interpolate_linearly(times, samples, grid_ns, longest_gap_s, circular)
     covered = np.isfinite(result)
-    if covered.any() and 0 < _usual_interval_ns(times) < _FASTER * tables.NANO / rate:
+    if covered.any() and 0 < _usual_interval_ns(times) < _FASTER * tables.NANO / rate_hz:
         rule = SETTING_FILTER if channel is not None and ship.is_held_setting(channel) else MOTION_FILTER
         if lookahead_steps is not None:
             rule = replace(rule, ahead=lookahead_steps)
-        smooth = _local_fit(times, samples, grid_ns, float(tables.NANO / rate), rule, circular)
+        smooth = _local_fit(times, samples, grid_ns, float(tables.NANO / rate_hz), rule, circular)
         replaced = covered & np.isfinite(smooth)
         result[replaced] = smooth[replaced]
         if channel is not None and not circular:  # a parabola overshoots at a step: no wind blows at -0.15 m/s

@@ -423,13 +423,13 @@ def steady_mask(
     feedback = feedback_of(series, tolerance.noise)
     windows = sliding_window_view(series, rows)[::stride]
     centred = np.arange(rows) - (rows - 1) / 2.0
-    line = np.asarray(centred / (centred @ centred) * (rows - 1))  # gives the rise of the least-squares line
+    rise_weights = np.asarray(centred / (centred @ centred) * (rows - 1))  # of the least-squares line
     span = windows.max(axis=1) - windows.min(axis=1)
-    drift = (windows - windows[:, :1]) @ line
+    drift = (windows - windows[:, :1]) @ rise_weights
     span_limit = tolerance.span + SPAN_SIGMAS * feedback.noise
     correlation = _noise_correlation(rows) if feedback.filtered else np.eye(1, rows)[0]
     lag = np.abs(np.subtract.outer(np.arange(rows), np.arange(rows)))
-    drift_noise = feedback.noise * float(np.sqrt((line @ correlation[lag] * line).sum()))
+    drift_noise = feedback.noise * float(np.sqrt((rise_weights @ correlation[lag] * rise_weights).sum()))
     drift_limit = np.hypot(tolerance.drift, DRIFT_SIGMAS * drift_noise)
     steady = (span <= span_limit) & (np.abs(drift) <= drift_limit)
     if name.endswith("_rpm"):

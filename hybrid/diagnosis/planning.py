@@ -513,7 +513,7 @@ def _straight_runs(shafts: Shafts) -> list[CandidateManoeuvre]:
         shafts.candidate(
             "four_headings",
             f"Run straight at {usual:g} rpm on four headings 90 degrees apart, {shafts.duration_words(120.0)} each",
-            manoeuvres.reciprocal(110.0, usual),
+            manoeuvres.straight_runs_on_four_headings(110.0, usual),
         ),
         shafts.candidate(
             "speed_runs",

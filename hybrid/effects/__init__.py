@@ -1,9 +1,9 @@
 """The catalogue of effects that a model may lack: what each is, and what it does to a plant.
 
 It has every effect by its name, users' own beside the built-in ones. The effects of the actuators follow from a
-ship's list of them (:func:`catalogue_for`); :data:`CATALOGUE` is that of the default list. To add an effect to
-Seatrial, write one :class:`.Effect` into the list in the file of its subject. To add one of your own, write a
-Python file with ``EFFECTS = [Effect(...), ...]`` and give it to the command line.
+ship's list of them (:func:`catalogue_of_actuators`); :data:`CATALOGUE` is that of the default list. To add an
+effect to Seatrial, write one :class:`.Effect` into the list in the file of its subject. To add one of your own,
+write a Python file with ``EFFECTS = [Effect(...), ...]`` and give it to the command line.
 
 An effect found in a recording is a force that the model lacks while the ship is in some regime of operation. A
 regime is a span of one or two quantities, shafts that turn astern, or a tunnel thruster at work under way; the
@@ -54,7 +54,7 @@ VERSION = "6"
 
 
 @lru_cache(maxsize=32)
-def _catalogue_for(actuators: ship.Actuators, scale: float, of_simulator: bool = False) -> dict[str, Effect]:
+def _catalogue_at_scale(actuators: ship.Actuators, scale: float, of_simulator: bool = False) -> dict[str, Effect]:
     effects = chain.from_iterable(effects_by_kind(actuators).values())
     actuator_effects = sorted(effects, key=lambda effect: FAMILIES.index(effect.family))
     unsized = (*hull.EFFECTS, *actuator_effects, *hull.ASYMMETRY, *environment.EFFECTS, *environment.SENSOR_EFFECTS)
@@ -102,12 +102,12 @@ def _confuse_both_ways(catalogue: dict[str, Effect], effect: Effect, in_order: b
             catalogue[rival] = replace(rival_effect, confused_with=tuple(sorted(names)) if in_order else names)
 
 
-def catalogue_for(actuators: ship.Actuators, length_m: float = USUAL_LENGTH_M) -> dict[str, Effect]:
+def catalogue_of_actuators(actuators: ship.Actuators, length_m: float = USUAL_LENGTH_M) -> dict[str, Effect]:
     """The catalogue of a ship with these actuators: what any ship may lack, and the effects of each actuator.
 
     Typical sizes scale with the ship's length.
     """
-    return dict(_catalogue_for(actuators, scale_of(length_m)))
+    return dict(_catalogue_at_scale(actuators, scale_of(length_m)))
 
 
 def catalogue_of(vessel: Vessel | BlackBox) -> dict[str, Effect]:
@@ -115,8 +115,8 @@ def catalogue_of(vessel: Vessel | BlackBox) -> dict[str, Effect]:
     gains of its drives and pushes on its hull (:mod:`.body`)."""
     if isinstance(vessel, BlackBox):
         scale = scale_of(vessel.length_between_perpendiculars_m)
-        return asked_outside(vessel, _catalogue_for(vessel.layout, scale, of_simulator=True))
-    return catalogue_for(vessel.actuators, vessel.dimensions.length_between_perpendiculars_m)
+        return asked_outside(vessel, _catalogue_at_scale(vessel.layout, scale, of_simulator=True))
+    return catalogue_of_actuators(vessel.actuators, vessel.dimensions.length_between_perpendiculars_m)
 
 
 def asked_outside(model: BlackBox, catalogue: Catalogue) -> dict[str, Effect]:
@@ -137,7 +137,7 @@ def asked_outside(model: BlackBox, catalogue: Catalogue) -> dict[str, Effect]:
 
 def inside_effects(model: BlackBox) -> tuple[str, ...]:
     """The effects that would have to act inside a simulator, which no diagnosis with it can ask for."""
-    return tuple(name for name in catalogue_for(model.layout) if name not in catalogue_of(model))
+    return tuple(name for name in catalogue_of_actuators(model.layout) if name not in catalogue_of(model))
 
 
 def effect_named(name: str, catalogue: Catalogue | None = None) -> Effect:
@@ -150,7 +150,7 @@ def effect_named(name: str, catalogue: Catalogue | None = None) -> Effect:
     raise ConfigurationError(f"no effect {name!r} in the catalogue", fix=hint + ", ".join(catalogue))
 
 
-CATALOGUE: dict[str, Effect] = catalogue_for(ship.DEFAULT)
+CATALOGUE: dict[str, Effect] = catalogue_of_actuators(ship.DEFAULT)
 """The catalogue of the default list of actuators, R/V Gunnerus'."""
 
 
@@ -158,7 +158,7 @@ def apply_effects(plant: AnyModel, effects: Mapping[str, Values], catalogue: Cat
     """``plant`` with each named effect at its values, in the order given; by default those of its own catalogue."""
     if catalogue is None:
         scale, of_simulator = scale_of(plant.length_between_perpendiculars_m), isinstance(plant, BlackBox)
-        catalogue = _catalogue_for(plant.layout, scale, of_simulator)
+        catalogue = _catalogue_at_scale(plant.layout, scale, of_simulator)
     for name, values in effects.items():
         plant = effect_named(name, catalogue).apply(plant, values)
     return plant

@@ -88,6 +88,6 @@ def gains(kind: str, names: tuple[str, ...]) -> tuple[Effect, ...]:
             source="Gain of the feedback; a drive that gives more or less than the simulator has it give",
             parameter=_GAIN,
             joint_confused_with=("added_resistance", "surge_push") if label != "angle" and kind != "tunnel" else (),
-            kind_of_all=f"_{kind}" if kind != "azimuth" else "",
+            joint_word=kind if kind != "azimuth" else "",
         )
     )  # fmt: skip

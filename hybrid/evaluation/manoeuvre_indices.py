@@ -267,7 +267,7 @@ def predicted_indices(
     if "approach_mps" not in run.settings:
         raise DataShortageError("it has no approach whose speed the model could have")
     # at that speed the model's shaft would turn too slowly for all of the test
-    if kinds.GATHERING_WAY in run.notes:
+    if run.kind == "zigzag" and kinds.gathers_way(run.indices):
         raise DataShortageError(f"{kinds.GATHERING_WAY}: its approach is no steady one that the model could have")
     if measures.SHAFTS_CHANGED in run.notes:
         raise DataShortageError(f"{measures.SHAFTS_CHANGED}, and in the same test they would")

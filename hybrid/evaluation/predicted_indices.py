@@ -165,7 +165,7 @@ def index_table(
     for key, value in values.items():
         test, side, index = key
         if (test, side) not in sailed:
-            predicted = interval_of(index, value, errors[key], form) if key in errors else None
+            predicted = index_with_interval(index, value, errors[key], form) if key in errors else None
             rows.append(PredictedIndex(test, side, index, before=start.get(key), after=value, predicted=predicted))
     return IndexTable(tuple(rows), form, speed_mps)
 
@@ -241,7 +241,11 @@ def predicted_by_test(test: Test, vessel: UncertainVessel, form: FormErrors) -> 
     """The positive indices of a test with their 95 % intervals; none where the vessel cannot make it."""
     values = _indices_reached(test, vessel.vessel)
     errors = relative_errors(test, values, vessel.pairs())
-    return {name: interval_of(name, values[name], error, form) for name, error in errors.items() if name in NAMES}
+    return {
+        name: index_with_interval(name, values[name], error, form)
+        for name, error in errors.items()
+        if name in NAMES
+    }
 
 
 def relative_errors(test: Test, values: Values, pairs: Iterable[tuple[Vessel, Vessel]]) -> Values:
@@ -278,7 +282,7 @@ def form_errors(unseen: Sequence[tuple[PredictedIndex, float]], *, at_least_show
     return errors
 
 
-def interval_of(name: str, value: float, relative_error: float, form: FormErrors) -> Index:
+def index_with_interval(name: str, value: float, relative_error: float, form: FormErrors) -> Index:
     """The 95 % interval of a predicted index, a factor to either side; NaN where no error is known."""
     form_error, count = form.get(family_of(name), (0.0, 0))
     if count < _FEWEST_ERRORS:
@@ -325,7 +329,7 @@ def _sailed_rows(
     replayed_before, replayed = _indices_reached(tests.replay, before), _indices_reached(tests.replay, after)
     errors = relative_errors(tests.test, tested, pairs)
     for name, measured in _indices_of(run).items():
-        predicted = interval_of(name, tested[name], errors[name], form) if name in errors else None
+        predicted = index_with_interval(name, tested[name], errors[name], form) if name in errors else None
         yield PredictedIndex(
             run.name, run.side, name, measured, tested_before.get(name), tested.get(name), predicted,
             replayed_before.get(name), replayed.get(name), start=run.start,

@@ -22,7 +22,6 @@ from seatrial.hybrid.simulation import manoeuvres
 from seatrial.hybrid.vessel import dynamics
 from seatrial.hybrid.vessel.actuators import CONTROL, KINDS, RPM_PER_RPS, WORK_SIZE, control_units
 from seatrial.hybrid.vessel.files import Vessel
-from seatrial.hybrid.vessel.hulls import hull_force
 from seatrial.hybrid.vessel.plant import Plant, actuator_rows, pack
 
 _ACROSS = ("v", "r", "uv", "ur", "v|v|", "v|r|", "r|v|", "r|r|")
@@ -171,19 +170,14 @@ def hull_terms(u: Any, v: Any, r: Any) -> dict[str, Any]:
 
 
 @njit(error_model="numpy")
-def _forces(p, controls, speeds, with_hull):  # type: ignore[no-untyped-def]
-    """The force of actuators, and of the hull, at controls [K, controls] and speeds through the water [K, 3]."""
+def _water_forces(p, controls, speeds):  # type: ignore[no-untyped-def]
+    """The water's force [K, 3] on hull and actuators at controls [K, controls] and speeds through it [K, 3]."""
     forces = np.empty_like(speeds)
+    work = np.zeros((len(p.actuators), WORK_SIZE))
     for k in range(len(speeds)):
         u, v, r = speeds[k]
-        work = np.zeros((len(p.actuators), WORK_SIZE))
         held = dynamics.step_constants(p, controls[k], work, 0.0, 0.0)
-        X, Y, N = dynamics.actuators_force(p, held.work, u, v, r)
-        if with_hull:
-            hull_X, hull_Y, hull_N = hull_force(p, u, v, r)
-            slow_X, slow_Y, slow_N = dynamics.low_speed_damping(p, u, v, r)
-            X, Y, N = X + hull_X + slow_X, Y + hull_Y + slow_Y, N + hull_N + slow_N
-        forces[k, 0], forces[k, 1], forces[k, 2] = X, Y, N
+        forces[k, 0], forces[k, 1], forces[k, 2] = dynamics.water_force(p, held.work, u, v, r)
     return forces
 
 
@@ -221,7 +215,7 @@ def matrix_model(
         )
     model = MatrixModel(rigid, added, x_G, m, {}, (0.0, 0.0, 0.0), thrusters, service)
     speeds, controls, weights = _situations(vessel, plant, service)
-    forces = _forces(pack(plant)[0], controls, speeds, True) - model.thrust(controls, speeds[:, 0])
+    forces = _water_forces(pack(plant)[0], controls, speeds) - model.thrust(controls, speeds[:, 0])
     values, fitted, left = hull_terms(*speeds.T), dict[str, dict[str, float]](), []
     steering = [dict[str, dict[str, float]]() for _ in thrusters]
     for axis, force in zip("XYN", forces.T, strict=True):
@@ -287,11 +281,11 @@ def _thrusters(vessel: Vessel, plant: Plant, ahead: Floats, service: float) -> l
               for actuator, row in zip(vessel.actuators, actuator_rows(packed), strict=True)}  # fmt: skip
 
     def force(u: float, **controls: float) -> Floats:
-        """The force of the actuators at a speed ahead, at rest but for these, by name or first place."""
+        """The water's force at a speed ahead, the actuators at rest but for these controls, by place."""
         orders = np.zeros((1, len(ahead)))
         for place, value in controls.items():
             orders[0, int(place[1:])] = value
-        return np.asarray(_forces(packed[0], orders, np.array([[u, 0.0, 0.0]]), False)[0])
+        return np.asarray(_water_forces(packed[0], orders, np.array([[u, 0.0, 0.0]]))[0])
 
     for entry in vessel.actuator:
         first, names = starts[entry.name], plant.form.places

@@ -133,7 +133,7 @@ class SymbolicShip:
         nested = nested_parameters(self.equations, numbers, lambda parts: self.ca.vertcat(*parts))
         return execute(self.equations, xp, nested, **instead)
 
-    def _pushed(self, acceleration: Any) -> dict[str, Any]:
+    def _numbers_with_force(self, acceleration: Any) -> dict[str, Any]:
         """The numbers with the force of an acceleration [3] on mass and added mass in the constant force."""
         p, (ahead, starboard, yaw) = self.parameters, self.ca.vertsplit(acceleration)
         force = {
@@ -153,7 +153,7 @@ class SymbolicShip:
         """
         ca, n = self.ca, len(self.equations.controls)
         state, use, acceleration = self.full_state, ca.SX.sym("drives"), ca.SX.sym("acceleration", 3)
-        functions = self._functions(self._pushed(acceleration))
+        functions = self._functions(self._numbers_with_force(acceleration))
         start = ca.vertcat(state[:6], ca.if_else(use, state[6 : 6 + n], self.controls), state[6 + n :])
         after = functions.step(start, self.controls, self.wind, self.dt)
         after[6 : 6 + n] = ca.if_else(use, after[6 : 6 + n], self.controls)

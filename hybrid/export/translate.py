@@ -213,18 +213,18 @@ class Function:
     result: Value = None
     wanted: tuple[str, ...] = ()
 
-    def unused_name(self, wanted: str) -> str:
+    def unused_name(self, preferred_name: str) -> str:
         """A name that nothing in the function has yet."""
-        name, number = wanted, 1
+        name, number = preferred_name, 1
         while name in self.names:
             number += 1
-            name = f"{wanted}_{number}"
+            name = f"{preferred_name}_{number}"
         self.names.add(name)
         return name
 
-    def assign(self, wanted: str, node: ast.expr) -> ast.Name:
+    def assign(self, preferred_name: str, node: ast.expr) -> ast.Name:
         """Bind a new name to code."""
-        name = ast.Name(self.unused_name(wanted))
+        name = ast.Name(self.unused_name(preferred_name))
         self.body.append(ast.Assign([name], node))
         return name
 
@@ -438,27 +438,27 @@ class FunctionCall:
         else:
             raise self.refusal(target, "an assignment to it")
 
-    def _value_under_name(self, wanted: str, value: Value) -> Value:
+    def _value_under_name(self, preferred_name: str, value: Value) -> Value:
         """A value under a name of the translated code; names and known values need none."""
         if isinstance(value, Record) and not isinstance(value.node, ast.Name):
-            return value.renamed(self._name_for_code(wanted, value.node).id)
+            return value.renamed(self._name_for_code(preferred_name, value.node).id)
         if isinstance(value, Vector) and not isinstance(value.node, ast.Name | ast.Constant):
-            value.values[EVERY] = Code(self._name_for_code(wanted, value.node))
+            value.values[EVERY] = Code(self._name_for_code(preferred_name, value.node))
             return value
         if not isinstance(value, Code) or isinstance(value.node, ast.Name):
             return value
-        return Code(self._name_for_code(wanted, value.node))
+        return Code(self._name_for_code(preferred_name, value.node))
 
-    def _name_for_code(self, wanted: str, node: ast.expr) -> ast.Name:
+    def _name_for_code(self, preferred_name: str, node: ast.expr) -> ast.Name:
         """A name for code: again the one that the variable had, where nothing refers to that any more."""
-        current = self.names.get(wanted)
+        current = self.names.get(preferred_name)
         held = getattr(getattr(current, "node", None), "id", None)
         if held in self.mine and self.depth == 0:
-            others = [value for name, value in self.names.items() if name != wanted]
+            others = [value for name, value in self.names.items() if name != preferred_name]
             if not any(held in _names_in(value) for value in others):
                 self.into.body.append(ast.Assign([ast.Name(held)], node))
                 return ast.Name(held)
-        name = self.into.assign(wanted, node)
+        name = self.into.assign(preferred_name, node)
         if self.depth == 0:
             self.mine.add(name.id)
         return name

@@ -251,7 +251,7 @@ def conformal_region(
     if uncertainty is not None:
         along, across = along / uncertainty, across / uncertainty
 
-    def typical(errors: Floats) -> Floats:
+    def clipped_rms(errors: Floats) -> Floats:
         size = np.abs(errors)
         squares = np.minimum(size, _conformal_quantile(size, _CLIPPING_QUANTILE)) ** 2
         return np.asarray(np.sqrt(np.nansum(squares, axis=0) / np.isfinite(size).sum(axis=0)))
@@ -260,7 +260,7 @@ def conformal_region(
     # of the axes is shrunk towards a circle as by one more recording, so that one recording counts half.
     recordings = len(np.unique(windows.trial))
     with np.errstate(divide="ignore", invalid="ignore"):
-        log_ratio = np.log(typical(along) / typical(across))
+        log_ratio = np.log(clipped_rms(along) / clipped_rms(across))
     stretch = np.exp(0.5 * np.where(np.isfinite(log_ratio), log_ratio, 0.0) * recordings / (recordings + 1.0))
     shape = np.column_stack([stretch, 1.0 / stretch])
     relative = np.hypot(along / shape[:, 0], across / shape[:, 1])

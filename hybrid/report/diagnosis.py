@@ -863,13 +863,13 @@ def noise_rows(diagnosis: result.Diagnosis) -> list[list[str]]:
     )  # fmt: skip
     white = [noise[name] for name in ("position_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")]
 
-    def lasting(levels: str, name: str) -> str:
+    def with_time_constant(levels: str, name: str) -> str:
         return f"{levels}; time constant {number(noise[name])} s"
 
     rows = [
         ["sensors, anew each second", _levels_text(white, sensors)],
         ["gusts, anew each second", _levels_text(noise["gust"], forces)],
-        ["slow forces", lasting(_levels_text(noise["slow"], forces), "slow_s")],
+        ["slow forces", with_time_constant(_levels_text(noise["slow"], forces), "slow_s")],
     ]
     if any(noise["waves"]):
         period_s, towards_deg = 2.0 * pi / noise["wave_frequency_radps"], noise["wave_towards_rad"] * turn % 360.0
@@ -877,9 +877,11 @@ def noise_rows(diagnosis: result.Diagnosis) -> list[list[str]]:
         rows.append(["wave motion", f"{levels}; period {number(period_s)} s, towards {towards_deg:.0f} deg"])
     if noise.get("wave_drift_n"):
         beam = f"{number(noise['wave_drift_n'] / size_n)} {unit} in beam sea"
-        rows.append(["slow drift of the waves", lasting(beam, "wave_drift_s")])
+        rows.append(["slow drift of the waves", with_time_constant(beam, "wave_drift_s")])
     if any(noise["drift"]):
-        rows.append(["slow errors of sensors", lasting(_levels_text(noise["drift"], sensors), "drift_s")])
+        rows.append(
+            ["slow errors of sensors", with_time_constant(_levels_text(noise["drift"], sensors), "drift_s")]
+        )
     return rows
 
 

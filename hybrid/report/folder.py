@@ -269,13 +269,13 @@ def write_batch_reports(
     return [index, *pages]
 
 
-def batch_options(out: Path) -> Options:
+def batch_options(folder: Path) -> Options:
     """The options of a batch, from the first result that says them."""
-    for path in sorted(out.rglob(SUMMARY)):
+    for path in sorted(folder.rglob(SUMMARY)):
         try:
             return Options(**read_json(path)["provenance"]["options"])
         except (OSError, ValueError, KeyError, TypeError):  # an InputError is a ValueError
             continue
     raise errors.ConfigurationError(
-        "contains no result with known options", where=str(out), fix="run `seatrial batch` again"
+        "contains no result with known options", where=str(folder), fix="run `seatrial batch` again"
     )

@@ -36,6 +36,7 @@ from seatrial.hybrid.report.text import (
     MEANING,
     estimate_text,
     plain,
+    plain_number,
     predicted_index_view,
     prevent_line_breaks,
     templates,
@@ -338,10 +339,8 @@ def index_rows_of_test(test: StandardTest) -> list[list[str]]:
 
 
 def index_value_text(index: indices.Index) -> str:
-    """A value with three digits and more, and its unit."""
-    value = 0.0 if abs(index.value) < 1e-6 else index.value
-    digits = f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
-    return f"{digits} {index.unit}".rstrip()
+    """A value and its unit; 0 for what rounding leaves of nothing."""
+    return f"{plain_number(0.0 if abs(index.value) < 1e-6 else index.value)} {index.unit}".rstrip()
 
 
 def index_lengths_text(index: indices.Index) -> str:

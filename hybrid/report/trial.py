@@ -176,11 +176,11 @@ def runs_with_own_sheet(case: TrialCase) -> list[trial_form.NumberedRun]:
     return sorted(ordered[:MOST_PICTURES], key=lambda run: run.number)
 
 
-def notes_common_to_runs(shown: Sequence[Manoeuvre]) -> list[str]:
+def notes_common_to_runs(runs: Sequence[Manoeuvre]) -> list[str]:
     """What is to be known of all of several manoeuvres, which their captions then leave out."""
-    if len(shown) < 2:
+    if len(runs) < 2:
         return []
-    return [note for note in dict.fromkeys(shown[0].notes) if all(note in run.notes for run in shown)]
+    return [note for note in dict.fromkeys(runs[0].notes) if all(note in run.notes for run in runs)]
 
 
 def picture_caption(run: Manoeuvre, common: Sequence[str] = ()) -> str:

@@ -385,7 +385,7 @@ def tunnel_test(actuators: ship.Actuators = ship.DEFAULT) -> Manoeuvre:
     return (steer(0.0, 60.0, 50.0), *(leg for push in pushes for leg in (push, slow)))
 
 
-def reciprocal(seconds: float = 80.0, rpm: float = 160.0) -> Manoeuvre:
+def straight_runs_on_four_headings(seconds: float = 80.0, rpm: float = 160.0) -> Manoeuvre:
     """Straight runs on four headings."""
     return tuple(
         leg for course in (0.0, 180.0, 90.0, 270.0) for leg in (settle(course, rpm), steer(course, seconds, rpm))
@@ -405,7 +405,7 @@ def programme(actuators: ship.Actuators = ship.DEFAULT) -> Manoeuvre:
         *turns,
         *swings,
         *gentle,
-        *reciprocal(),
+        *straight_runs_on_four_headings(),
         *stopping_runs(),
         *one_thruster_manoeuvre(actuators),
         *tunnel_test(actuators),
@@ -438,7 +438,7 @@ MANOEUVRES: dict[str, Callable[[ship.Actuators], Manoeuvre]] = {
     "zigzag": lambda _: zigzag(),
     "turning_circle": lambda _: turning_circle(), "speed_runs": lambda _: speed_runs(),
     "stopping": lambda _: stopping_runs(), "one_thruster": one_thruster_manoeuvre, "tunnel_test": tunnel_test,
-    "reciprocal": lambda _: reciprocal(),
+    "reciprocal": lambda _: straight_runs_on_four_headings(),
 }  # fmt: skip
 """The manoeuvres by name, for a ship with these actuators."""
 

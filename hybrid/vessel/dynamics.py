@@ -162,6 +162,15 @@ def actuators_force(p: Record, work: Floats, u_r: float, v_r: float, r: float) -
 
 
 @compiled
+def water_force(p: Record, work: Floats, u_r: float, v_r: float, r: float) -> tuple[float, float, float]:
+    """The calm water's force X [N], Y [N], N [N m] on hull and actuators, at speeds through the water."""
+    X, Y, N = hull_force(p, u_r, v_r, r)
+    slow_X, slow_Y, slow_N = low_speed_damping(p, u_r, v_r, r)
+    actuators_X, actuators_Y, actuators_N = actuators_force(p, work, u_r, v_r, r)
+    return X + (slow_X + actuators_X), Y + (slow_Y + actuators_Y), N + (slow_N + actuators_N)
+
+
+@compiled
 def total_force(
     p: Record, held: StepConstants, cosine: float, sine: float, u: float, v: float, r: float, u_c: float, v_c: float
 ) -> tuple[float, float, float]:
@@ -170,17 +179,15 @@ def total_force(
     All in body axes. The rigid body's Coriolis terms are among them.
     """
     u_r, v_r = u - u_c, v - v_c
-    X, Y, N = hull_force(p, u_r, v_r, r)
-    slow_X, slow_Y, slow_N = low_speed_damping(p, u_r, v_r, r)
-    actuators_X, actuators_Y, actuators_N = actuators_force(p, held.work, u_r, v_r, r)
+    X, Y, N = water_force(p, held.work, u_r, v_r, r)
     u_air = held.wind_north_mps * cosine + held.wind_east_mps * sine
     v_air = held.wind_east_mps * cosine - held.wind_north_mps * sine
     wind_X, wind_Y, wind_N = wind_force(p, u - u_air, v - v_air)
     drift_X, drift_Y, drift_N = wave_drift_force(p, cosine, sine)
     arm = p.mass_kg * p.centre_of_gravity_m
-    X += slow_X + actuators_X + wind_X + drift_X + p.constant_X_n + p.mass_kg * v_r * r + arm * r * r
-    Y += slow_Y + actuators_Y + wind_Y + drift_Y + p.constant_Y_n - p.mass_kg * u_r * r
-    N += slow_N + actuators_N + wind_N + drift_N + p.constant_N_nm - arm * u_r * r
+    X += wind_X + drift_X + p.constant_X_n + p.mass_kg * v_r * r + arm * r * r
+    Y += wind_Y + drift_Y + p.constant_Y_n - p.mass_kg * u_r * r
+    N += wind_N + drift_N + p.constant_N_nm - arm * u_r * r
     return X, Y, N
 
 

@@ -144,7 +144,7 @@ class _Draft:
         self._starts: dict[str, str] = {}
         self._states: dict[str, str] = {}
 
-    def _answer(self, key: str, question: str) -> str:
+    def _ask(self, key: str, question: str) -> str:
         """The answer of a key; without one the question is asked and the text is empty."""
         if key in self.answers:
             self.used.add(key)
@@ -152,7 +152,8 @@ class _Draft:
         self.proposal.questions.append(MapQuestion(key, question))
         return ""
 
-    def _given(self, key: str) -> str:
+    def _answered(self, key: str) -> str:
+        """The answer of a key, empty without one."""
         if key in self.answers:
             self.used.add(key)
         return self.answers.get(key, "")
@@ -168,7 +169,7 @@ class _Draft:
 
     def ship_table(self) -> str:
         """Name and length."""
-        name = self._given("ship.name") or str(self._description.modelName or "")
+        name = self._answered("ship.name") or str(self._description.modelName or "")
         if not name:
             name = self.proposal.file.stem
             self.proposal.reasons.append(f"ship.name is {name}, after the file, as the FMU states none")
@@ -181,14 +182,14 @@ class _Draft:
         overall = [key for key, of in words.items() if "loa" in of or {"length", "overall"} <= of]
         others = [key for key, of in words.items() if "length" in of and key not in between + overall]
         length_m = self._length("length_m", between or others)
-        length_m = length_m or self._answer("ship.length_m", "the ship's length between perpendiculars in m")
+        length_m = length_m or self._ask("ship.length_m", "the ship's length between perpendiculars in m")
         overall_m = self._length("length_overall_m", overall)
         lines = [f"[ship]\nname = {json.dumps(name)}\nlength_m = {length_m}"]
         return "\n".join([*lines, *([f"length_overall_m = {overall_m}"] if overall_m else []), ""])
 
     def _length(self, key: str, names: list[str]) -> str:
         """A length that is answered, or the one that the FMU states."""
-        length_m = self._given(f"ship.{key}")
+        length_m = self._answered(f"ship.{key}")
         if not length_m and len(names) == 1:
             length_m = str(float(self._by_name[names[0]].start))
             self.proposal.reasons.append(f"ship.{key} = {length_m}, as the FMU starts {names[0]} with it")
@@ -199,7 +200,7 @@ class _Draft:
         names = list(STATES)
         if not self._candidates("north") and self._candidates("latitude"):
             names = [*simulator_map.GEODETIC, *names[2:]]
-        axes = self._stated_axes() or self._answer(
+        axes = self._stated_axes() or self._ask(
             "axes",
             "ned (heading from north, it, sway and yaw rate positive to starboard) or enu (from east, to port)",
         )
@@ -223,7 +224,7 @@ class _Draft:
         origin = ""
         if names[0] == "latitude":
             keys = ("origin.latitude_deg", "origin.longitude_deg")
-            values = [self._answer(key, "that of the recordings' north and east, in deg") for key in keys]
+            values = [self._ask(key, "that of the recordings' north and east, in deg") for key in keys]
             origin = f"\n[origin]\nlatitude_deg = {values[0]}\nlongitude_deg = {values[1]}\n"
         return "[state]\n" + "\n".join(lines) + "\n" + origin
 
@@ -234,7 +235,7 @@ class _Draft:
         for key in keys.get(name, ()):
             usual = {"zero": "north", "positive": "starboard"}[key]
             expected, stated = of_axes.get(key, usual), _stated(variable, _STATE_SAYS[key])
-            convention = self._given(f"state.{name}.{key}") or stated or expected
+            convention = self._answered(f"state.{name}.{key}") or stated or expected
             if axes and convention != expected:
                 why = "as its description says" if convention == stated else "as answered"
                 self.proposal.reasons.append(f"state.{name}.{key} is {convention}, {why}")
@@ -243,7 +244,7 @@ class _Draft:
         return lines
 
     def _stated_axes(self) -> str:
-        if axes := self._given("axes"):
+        if axes := self._answered("axes"):
             return axes
         text = " ".join(str(v.description or "") for v in self._outputs).upper() + str(
             self._description.description
@@ -276,7 +277,7 @@ class _Draft:
 
     def _state_variable(self, name: str) -> Any:
         key = f"state.{name}"
-        if answer := self._given(key):
+        if answer := self._answered(key):
             return self._variable(key, answer)
         candidates = self._candidates(name)
         if len(candidates) == 1:
@@ -287,18 +288,18 @@ class _Draft:
         choices = candidates or [output for output in self._outputs if _is_unit_like(fmu.unit_of(output), unit)]
         listed = "; ".join(_label_of(variable) for variable in choices[:10])
         listed = listed or f"there is none in {unit} or alike: export the FMU with one"
-        self._answer(key, f"which output is the {_MEANINGS[name]}? {listed}")
+        self._ask(key, f"which output is the {_MEANINGS[name]}? {listed}")
         return None
 
     def _unit(self, key: str, variable: Any, like: str) -> str:
-        unit = fmu.unit_of(variable) or self._given(f"{key}.unit")
+        unit = fmu.unit_of(variable) or self._answered(f"{key}.unit")
         share = f"; '300 {like}' where 1 is that much" if key.startswith("control.") else ""
         question = f"the unit of {variable.name}, as {like}, which the FMU does not state{share}"
-        return unit or self._answer(f"{key}.unit", question)
+        return unit or self._ask(f"{key}.unit", question)
 
     def _start_of(self, variable: Any, name: str) -> str:
         """What a state starts with: itself where that can be set, else the parameter called like it."""
-        if answer := self._given(f"state.{name}.start"):
+        if answer := self._answered(f"state.{name}.start"):
             return str(self._variable(f"state.{name}.start", answer).name)
         if variable.initial in ("exact", "approx"):
             return str(variable.name)
@@ -314,7 +315,7 @@ class _Draft:
         kinds = dict[str, str]()
         controls = dict[str, str]()
         for key in [key for key in self.answers if key.startswith("actuator.")]:
-            kinds[key.removeprefix("actuator.")] = self._given(key)
+            kinds[key.removeprefix("actuator.")] = self._answered(key)
         are_named = bool(kinds)
         winds = {value for key, value in self.answers.items() if key.startswith("wind.")}
         if not are_named:
@@ -328,7 +329,7 @@ class _Draft:
                 kind for kind, known in _KINDS.items()
                 if words & known and _is_unit_like(unit, "deg" if kind == "rudder" else "rpm")
             ]  # fmt: skip
-            if are_named or variable.name in winds or self._given(f"input.{variable.name}") == "none":
+            if are_named or variable.name in winds or self._answered(f"input.{variable.name}") == "none":
                 continue
             if len(recognised) == 1 and recognised[0] not in kinds.values():
                 kinds[recognised[0]] = recognised[0]
@@ -336,7 +337,7 @@ class _Draft:
                 controls[channel] = variable.name
                 self.proposal.reasons.append(f"control.{channel} is the input {_label_of(variable)}")
             else:
-                self._answer(
+                self._ask(
                     f"input.{variable.name}",
                     f"{_label_of(variable)} is an input: name actuators with actuator.NAME=KIND and the input of "
                     "each of their channels with control.CHANNEL=INPUT, or wind.direction=INPUT and wind.speed="
@@ -345,7 +346,7 @@ class _Draft:
         try:
             actuators = ship.check_actuators(ship.Actuator(name, kind) for name, kind in kinds.items())
         except ConfigurationError as error:
-            self._answer(
+            self._ask(
                 "actuator.NAME", f"{error.what}: name each with actuator.NAME=KIND of {', '.join(ship.KINDS)}"
             )
             return ""
@@ -396,8 +397,8 @@ class _Draft:
         for channel in ship.control_channels(actuators):
             key = f"control.{channel.name}"
             listed = "; ".join(_label_of(v) for v in self._inputs)
-            name = self._given(key) or controls.get(channel.name, "")
-            name = name or self._answer(key, f"which input is it? {listed}")
+            name = self._answered(key) or controls.get(channel.name, "")
+            name = name or self._ask(key, f"which input is it? {listed}")
             if not name:
                 continue
             variable = self._variable(key, name)
@@ -405,8 +406,8 @@ class _Draft:
             if channel.unit == "deg":
                 question = f"starboard or port, which is {variable.name} positive to? {channel.meaning}"
                 stated = _SIDE.search(str(variable.description or ""))
-                side = self._given(f"{key}.positive") or (stated[1] if stated else "")
-                side = side or self._answer(f"{key}.positive", question)
+                side = self._answered(f"{key}.positive") or (stated[1] if stated else "")
+                side = side or self._ask(f"{key}.positive", question)
                 parts.append(f'positive = "{side}"')
             lines.append(f"{channel.name} = {{ {', '.join(parts)} }}")
         return lines
@@ -416,7 +417,7 @@ class _Draft:
         winds = [v for v in self._inputs if "wind" in words_of(v.name) | words_of(str(v.description or ""))]
         inputs = {
             name: self._variable(f"wind.{name}", answer)
-            for form in simulator_map.WINDS.values() for name in form if (answer := self._given(f"wind.{name}"))
+            for form in simulator_map.WINDS.values() for name in form if (answer := self._answered(f"wind.{name}"))
         }  # fmt: skip
         for variable in winds if not inputs else ():
             words, unit = words_of(variable.name) | words_of(str(variable.description or "")), fmu.unit_of(variable)
@@ -437,7 +438,7 @@ class _Draft:
             if name == "direction":
                 questions = {"convention": "from or to", "zero": "north or east", "positive": "starboard or port",
                              "frame": "true, relative or apparent"}  # fmt: skip
-                answers = {key: self._stated_of_wind(variable, key) or self._answer(f"wind.direction.{key}", text)
+                answers = {key: self._stated_of_wind(variable, key) or self._ask(f"wind.direction.{key}", text)
                            for key, text in questions.items()}  # fmt: skip
                 parts += [f'{key} = "{value}"' for key, value in answers.items()]
             lines.append(f"{name} = {{ {', '.join(parts)} }}")

@@ -202,13 +202,13 @@ class Plant:
 
     def scaled(self, factor: float, *names: str) -> Plant:
         """This plant with the named numbers, or tables, multiplied by ``factor``."""
-        return self._with(dict.fromkeys(names, partial(mul, factor)))
+        return self._with_changed_numbers(dict.fromkeys(names, partial(mul, factor)))
 
     def shifted(self, **amounts: float) -> Plant:
         """This plant with each amount added to the number of its name."""
-        return self._with({name: partial(add, amount) for name, amount in amounts.items()})
+        return self._with_changed_numbers({name: partial(add, amount) for name, amount in amounts.items()})
 
-    def _with(self, changes: Mapping[str, Callable[[float], float]]) -> Plant:
+    def _with_changed_numbers(self, changes: Mapping[str, Callable[[float], float]]) -> Plant:
         values = list(self.values)
         for name, change in changes.items():
             for place in number_places(self.form, name):

@@ -1,4 +1,4 @@
-"""How long a step of integration is, of the compiled simulation and of an FMU that has the same equations."""
+"""Step lengths of the compiled simulation and of an FMU, whose process must import nothing that compiles."""
 
 from __future__ import annotations
 

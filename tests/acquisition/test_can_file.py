@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seatrial.acquisition.config.sources import FileSource
-from seatrial.acquisition.core import can_library
+from seatrial.acquisition.core import process
 from seatrial.acquisition.core.errors import InputError, SourceError
 from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.sources import make_source
@@ -453,7 +453,7 @@ def test_buses_are_called_as_in_the_file(tmp_path: Path, kind: type[can.Listener
 def test_frames_in_a_measurement_are_those_of_the_bus(tmp_path: Path) -> None:
     """MF4, as CANedge writes it; `seatrial import` of it names the command that takes frames."""
     path, sent = tmp_path / "bus.mf4", messages()[:6]
-    writer = can_library.with_asammdf().MF4Writer(path)
+    writer = process.import_mf4_with_asammdf().MF4Writer(path)
     for message in sent:
         writer(message)
     writer.stop()
@@ -478,7 +478,7 @@ def test_signals_beside_the_frames_of_a_measurement_are_said(tmp_path: Path, cou
     from asammdf import MDF, Signal
 
     frames, path = tmp_path / "frames.mf4", tmp_path / "both.mf4"
-    writer = can_library.with_asammdf().MF4Writer(frames)
+    writer = process.import_mf4_with_asammdf().MF4Writer(frames)
     for message in messages()[:6]:
         writer(message)
     writer.stop()

@@ -189,7 +189,7 @@ def test_the_service_shaft_speed_gives_the_thrust_asked_for() -> None:
 def test_the_pitch_that_fits_a_shaft_speed_is_found_again() -> None:
     J, pitch_ratio = 0.55, 0.93
     thrust = float(devices.thrust_coefficient(np.array([J]), pitch_ratio, 0.6, 4)[0])
-    assert devices.fitting_pitch_ratio(thrust, J, 0.6, 4) == pytest.approx(pitch_ratio, abs=0.006)
+    assert devices.pitch_ratio_of_thrust(thrust, J, 0.6, 4) == pytest.approx(pitch_ratio, abs=0.006)
 
 
 def test_rudders_have_the_size_of_published_ones() -> None:

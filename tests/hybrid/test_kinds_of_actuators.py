@@ -18,7 +18,7 @@ from seatrial.acquisition.core.ship import (
 from seatrial.acquisition.core.ship import KINDS as RECORDED_KINDS
 from seatrial.analysis.report.plots import control_groups
 from seatrial.analysis.windows.held import REASONS, TOLERANCES, sort_of, tolerance_of
-from seatrial.hybrid.effects import catalogue_for, steering_angles, weights_of
+from seatrial.hybrid.effects import catalogue_of_actuators, steering_angles, weights_of
 from seatrial.hybrid.report.plots import RESIDUAL_QUANTITIES
 from seatrial.hybrid.vessel.actuators import KINDS
 
@@ -72,9 +72,9 @@ def test_every_control_has_a_tolerance_and_a_reason() -> None:
 def test_pairs_of_two_kinds_have_effects_of_their_own(pair: tuple[str, str]) -> None:
     """Each alone and both of a kind; an effect on both changes those of its kind and names no rival that is not."""
     ship = tuple(Actuator(f"{side}_{kind}", kind) for kind in pair for side in ("port", "starboard"))
-    catalogue = catalogue_for(ship)
-    assert len(catalogue) == sum(len(catalogue_for(ship[place : place + 2])) for place in (0, 2)) - len(
-        catalogue_for(())
+    catalogue = catalogue_of_actuators(ship)
+    assert len(catalogue) == sum(len(catalogue_of_actuators(ship[place : place + 2])) for place in (0, 2)) - len(
+        catalogue_of_actuators(())
     )
     joint = [effect for name, effect in catalogue.items() if re.search("_both(_|$)", name)]
     assert all(rival in catalogue for effect in joint for rival in effect.confused_with)

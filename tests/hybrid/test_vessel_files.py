@@ -12,7 +12,7 @@ import pytest
 from seatrial.acquisition.config.declarations import load_actuators, vessel_names
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.ship import VESSELS, Actuator
-from seatrial.hybrid.effects import catalogue_for
+from seatrial.hybrid.effects import catalogue_of_actuators
 from seatrial.hybrid.vessel.files import Vessel, add_effects, load_vessel, save_vessel
 from seatrial.hybrid.vessel.plant import Plant, bare_plant, flat_numbers, number_places, pack, plant_dtype
 
@@ -91,7 +91,7 @@ def test_a_list_of_actuators_that_is_none_is_refused(text: str, tmp_path: Path) 
 def test_an_actuator_may_not_take_the_name_of_a_pair() -> None:
     """``thrust_loss_both`` is the loss of both of a pair; of an actuator called so it would be another effect."""
     with pytest.raises(ConfigurationError, match=r"two effects of this ship are called .*thrust_loss_both"):
-        catalogue_for((Actuator("both", "azimuth"), Actuator("port", "azimuth")))
+        catalogue_of_actuators((Actuator("both", "azimuth"), Actuator("port", "azimuth")))
 
 
 def test_a_file_on_a_base_overrides_single_numbers(tmp_path: Path, vessel: Vessel) -> None:

@@ -219,7 +219,7 @@ def jitter_from_heading_errors(errors: HeadingErrors) -> Jitter:
     # The variance of one sample [rad2], by how it differs from its two neighbours.
     bends = errors.error[1:-1] - 0.5 * (errors.error[2:] + errors.error[:-2])
     noise2 = float(max(robust_spread(bends) ** 2 / 1.5, _FINEST_RAD**2))
-    lines = []
+    stretch_fits = []
     for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S):
         stretch = (errors.time_s // seconds).astype(np.int64)
         count, residual = np.bincount(stretch), np.zeros(stretch.size)
@@ -232,10 +232,10 @@ def jitter_from_heading_errors(errors: HeadingErrors) -> Jitter:
             solution = np.linalg.solve(centred.T @ centred + np.diag(noise2 / _PRIOR**2), centred.T)
             free = number - float(np.sum(centred * solution.T))
             residual[within] = (error - centred @ (solution @ error)) * np.sqrt(number / max(free, 1.0))
-        lines.append(_Lines(stretch, residual, np.asarray(usable)))
-    if min(lines[0].usable.sum(), lines[2].usable.sum()) < _FEWEST_STRETCHES:
+        stretch_fits.append(_StretchFits(stretch, residual, np.asarray(usable)))
+    if min(stretch_fits[0].usable.sum(), stretch_fits[2].usable.sum()) < _FEWEST_STRETCHES:
         return Jitter()
-    jitter = _jitter_from_lines(lines, errors.rate**2, errors.step)
+    jitter = _jitter_from_stretch_fits(stretch_fits, errors.rate**2, errors.step)
     for _ in range(_ROUNDS):
         if jitter.seconds >= _SMALLEST_S:
             # Squared heading error over squared stamp error, by the three points of Gauss and Hermite.
@@ -243,7 +243,7 @@ def jitter_from_heading_errors(errors: HeadingErrors) -> Jitter:
             moved = [np.interp(errors.time_s + shift, errors.time_s, errors.turned) - errors.turned
                      for shift in (-shift_s, shift_s)]  # fmt: skip
             gain2 = (moved[0] ** 2 + moved[1] ** 2) / (2.0 * shift_s**2)
-            jitter = _jitter_from_lines(lines, gain2, errors.step)
+            jitter = _jitter_from_stretch_fits(stretch_fits, gain2, errors.step)
     return jitter
 
 
@@ -275,7 +275,7 @@ def discontinuity_mask(error: Floats, rate: Floats) -> Bools:
     return np.asarray(steps > _LARGEST_STAMP_ERROR_S * turning + _LEAP_IN_NOISE * robust_spread(steps))
 
 
-class _Lines(NamedTuple):
+class _StretchFits(NamedTuple):
     """The ``stretch`` of each heading and its ``residual`` about the stretch's line: [n]; which stretches are
     ``usable``, with samples enough and no breaks: [k]."""
 
@@ -284,26 +284,26 @@ class _Lines(NamedTuple):
     usable: Bools
 
 
-def _jitter_from_lines(lines: list[_Lines], gain2: Floats, step: float) -> Jitter:
+def _jitter_from_stretch_fits(stretch_fits: list[_StretchFits], gain2: Floats, step: float) -> Jitter:
     """The jitter from residuals in short, longer and long stretches, and squared error per squared second [n].
 
     By stretch are summed: the number of headings, and the gain of jitter, its squares, the squared errors and their
     products with the gain.
     """
-    residuals2 = [line.residual**2 for line in lines]
+    residuals2 = [stretch_fit.residual**2 for stretch_fit in stretch_fits]
     short, half, long = (
-        _sums_by_stretch(line.stretch, np.ones(gain2.size), gain2, gain2**2, residual2, gain2 * residual2)
-        for line, residual2 in zip(lines, residuals2, strict=True)
+        _sums_by_stretch(stretch_fit.stretch, np.ones(gain2.size), gain2, gain2**2, residual2, gain2 * residual2)
+        for stretch_fit, residual2 in zip(stretch_fits, residuals2, strict=True)
     )
     least = step**2 / 12.0
-    size = _variance_growth(_extrapolate_squared_errors(long, half, 3)[lines[2].usable], least)
-    short_growth = _variance_growth(short[lines[0].usable], least)
+    size = _variance_growth(_extrapolate_squared_errors(long, half, 3)[stretch_fits[2].usable], least)
+    short_growth = _variance_growth(short[stretch_fits[0].usable], least)
     most_significant = max(
         size,
         short_growth,
         key=lambda growth: growth.surplus / fits.student_t_quantile(1.0 - _CHANCE, growth.effective_stretches),
     )
-    usable = lines[2].usable[lines[2].stretch]
+    usable = stretch_fits[2].usable[stretch_fits[2].stretch]
     ratio, gain2, residual2 = 1.0, gain2[usable], residuals2[2][usable]
     if gain2.any():  # variance in turns over that of the tenth of the samples in which the ship turns least
         still = float(residual2[gain2 <= np.quantile(gain2, _STILL)].mean())

@@ -44,8 +44,8 @@ def effect_names(stem: str, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{stem}_{name}" for name in names)
 
 
-def lag_effects(names: tuple[str, ...], together: str, part: str, number: str = "lag_s") -> tuple[Effect, ...]:
-    """``lag_NAME`` for each actuator and ``lag_both_TOGETHER`` for a pair: what acts follows what is reported."""
+def lag_effects(names: tuple[str, ...], joint_word: str, part: str, number: str = "lag_s") -> tuple[Effect, ...]:
+    """``lag_NAME`` for each actuator and ``lag_both_WORD`` for a pair: what acts follows what is reported."""
     return single_and_joint_effects(
         "lag", names, shift, number,
         family="clock",
@@ -53,7 +53,7 @@ def lag_effects(names: tuple[str, ...], together: str, part: str, number: str = 
         source="First-order actuator model; feedback has none, orders have about a second",
         parameter=Parameter("time_constant_s", "s", 0.0, 0.0, 60.0, 1.0, 0.3, 0.03),
         confused_with=("command_delay", "thruster_lag"),
-        kind_of_all=f"_{together}",
+        joint_word=joint_word,
     )  # fmt: skip
 
 
@@ -69,7 +69,7 @@ def angle_offset(part: str, names: tuple[str, ...], points: str, typical_deg: fl
     )  # fmt: skip
 
 
-def backlash_effects(names: tuple[str, ...], part: str, kind_of_all: str = "") -> tuple[Effect, ...]:
+def backlash_effects(names: tuple[str, ...], part: str, joint_word: str = "") -> tuple[Effect, ...]:
     """``backlash_NAME`` of each actuator and that of all: the true angle follows the reported one with play.
 
     The play operator: the end that turns stays where it is until the motor's side has gone through the play.
@@ -80,7 +80,7 @@ def backlash_effects(names: tuple[str, ...], part: str, kind_of_all: str = "") -
         what=f"Play in the {{names}}'s gear: the {part} stays until the reported one has moved by the play's width",
         source="Play operator: Nordin and Gutman, Automatica 38 (2002), 1633-1649",
         parameter=Parameter("width_deg", "deg", 0.0, 0.0, 30.0, 3.0, 1.0, tolerance=0.2),
-        kind_of_all=kind_of_all,
+        joint_word=joint_word,
     )  # fmt: skip
 
 
@@ -107,16 +107,18 @@ def single_and_joint_effects(
     confused_with: tuple[str, ...] = (),
     single_confused_with: tuple[str, ...] = (),
     joint_confused_with: tuple[str, ...] = (),
-    kind_of_all: str = "",
+    joint_word: str = "",
 ) -> tuple[Effect, ...]:
     """``stem_NAME`` for each actuator, and ``stem_both`` for a pair, ``stem_all`` for more of one kind.
 
     ``change(plant, name, value)`` changes the ``number`` of the actuators concerned. They are confused with each
     other and with the effects in ``confused_with``; one alone with ``single_confused_with`` besides, all together
-    with ``joint_confused_with``. ``kind_of_all`` ends the name of the effect on all, where another kind has an
-    effect of the same stem.
+    with ``joint_confused_with``. ``joint_word``, as "rudders", ends the name of the effect on all, where another
+    kind has an effect of the same stem.
     """
-    joint_name = {1: "", 2: f"{stem}_both{kind_of_all}"}.get(len(names), f"{stem}_all{kind_of_all}")
+    joint_name = ""
+    if len(names) > 1:
+        joint_name = "_".join(filter(None, [stem, "both" if len(names) == 2 else "all", joint_word]))
     groups: list[tuple[str, tuple[str, ...]]] = [(f"{stem}_{name}", (name,)) for name in names]
     groups += [(joint_name, names)] if joint_name else []
 

@@ -170,7 +170,7 @@ def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
             confused_with=("drift_moment", "yaw_damping"),
         ),
         *actuators.angle_offset("rudder", names, "stands", 2.0),
-        *actuators.backlash_effects(names, "angle", "_rudders"),
+        *actuators.backlash_effects(names, "angle", "rudders"),
         *actuators.lag_effects(names, "rudders", "angle", "response_lag_s"),
     )  # fmt: skip
 

@@ -57,7 +57,7 @@ def drives(entry: TunnelEntry) -> tuple[Drive]:
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost side force of each thruster, and what it loses under way."""
 
-    def fading(name: str) -> Effect:
+    def speed_loss_effect(name: str) -> Effect:
         return Effect(
             f"speed_loss_{name}", family="propulsion", kind="actuator",
             what=f"Side force of the {name.replace('_', ' ')} thruster fades under way, by half at a speed",
@@ -79,7 +79,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             ),
         )  # fmt: skip
 
-    return tuple(effect(name) for name in names for effect in (loss, fading))
+    return tuple(effect(name) for name in names for effect in (loss, speed_loss_effect))
 
 
 DEFINITION = ActuatorModel(

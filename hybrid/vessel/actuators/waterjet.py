@@ -76,7 +76,7 @@ def effects(names: tuple[str, ...]) -> tuple[effect.Effect, ...]:
             joint_confused_with=("hull_fouling", "towed_load"),
         ),
         *actuators.angle_offset("nozzle", names, "nozzle points", 2.5),
-        *actuators.backlash_effects(names, "nozzle", "_jets"),
+        *actuators.backlash_effects(names, "nozzle", "jets"),
         *actuators.lag_effects(names, "jets", "shaft and nozzle"),
     )  # fmt: skip
 

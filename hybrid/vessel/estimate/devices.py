@@ -92,11 +92,11 @@ def service_rps(
     return -half + sqrt(half * half - (k_2 * V * V - thrust_n / (density_kgpm3 * diameter_m**4)) / k_0)
 
 
-def fitting_pitch_ratio(target: float, J: float, area_ratio: float, blades: int) -> float:
+def pitch_ratio_of_thrust(K_T: float, J: float, area_ratio: float, blades: int) -> float:
     """The pitch ratio of a B-series propeller that has a K_T at ``J``; the end of the series if none has."""
-    pitch = np.linspace(0.5, 1.4, 181)
-    thrust = [float(thrust_coefficient(np.array(J), ratio, area_ratio, blades)) for ratio in pitch]
-    return float(pitch[int(np.argmin(np.abs(np.array(thrust) - target)))])
+    ratios = np.linspace(0.5, 1.4, 181)
+    thrusts = [float(thrust_coefficient(np.array(J), ratio, area_ratio, blades)) for ratio in ratios]
+    return float(ratios[int(np.argmin(np.abs(np.array(thrusts) - K_T)))])
 
 
 def astern_coefficients(k_0: float) -> Estimates:
@@ -322,7 +322,7 @@ def make_propulsors(
         elif screw.rpm is not None:
             n, D = screw.rpm / 60.0, screw.diameter
             K_T = thrust_n / (ship.water_density_kgpm3 * n**2 * D**4)
-            pitch_ratio = fitting_pitch_ratio(K_T, inflow / (n * D), screw.area_ratio, screw.blades)
+            pitch_ratio = pitch_ratio_of_thrust(K_T, inflow / (n * D), screw.area_ratio, screw.blades)
             error_factor = FITTED
         k = fit_thrust_quadratic(pitch_ratio, screw.area_ratio, screw.blades)
         rps = service_rps(thrust_n, inflow, screw.diameter, k, ship.water_density_kgpm3)

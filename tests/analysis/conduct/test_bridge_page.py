@@ -6,7 +6,7 @@ import socket
 from typing import Any
 
 from seatrial.acquisition.logger.requests import LOOPBACK
-from seatrial.analysis.conduct.live import served_page
+from seatrial.analysis.conduct.aboard import served_page
 from tests.acquisition.conftest import free_port
 from tests.browser import Browser, running_browser
 

@@ -9,7 +9,7 @@ import pytest
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
 from seatrial.analysis.manoeuvres.indices import Manoeuvre
 from seatrial.analysis.manoeuvres.motion import motion_of
-from seatrial.analysis.quality.findings import hold_orders
+from seatrial.analysis.quality.controls import hold_orders
 from seatrial.analysis.tables.table import add_step
 from tests.analysis.manoeuvres.conftest import Sail
 

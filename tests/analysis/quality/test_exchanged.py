@@ -8,7 +8,8 @@ import pytest
 
 from seatrial.acquisition.core.ship import wrap_180
 from seatrial.analysis.quality.check import check_table
-from seatrial.analysis.quality.findings import Finding, check_exchanged_feedback
+from seatrial.analysis.quality.controls import check_exchanged_feedback
+from seatrial.analysis.quality.findings import Finding
 
 SECONDS = 400
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from seatrial.acquisition.core.ship import angle_difference, unwrap, wrap_180, wrap_360
 from seatrial.acquisition.core.trial import Quality
 from seatrial.acquisition.tables.import_table import import_table
-from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, check_heading_wrap, seam_line_mask
+from seatrial.analysis.quality.channel_checks import WRAP_INTERPOLATED, check_heading_wrap, wrap_interpolation_mask
 from seatrial.analysis.tables.table import NANO, read_table, times_ns
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.conftest import table_at
@@ -59,7 +59,7 @@ def test_every_sample_on_a_line_through_north_is_found_and_no_other(
     assert (finding.code, finding.channel, finding.certain) == (WRAP_INTERPOLATED, "heading_deg", True)
     assert finding.estimate["samples"] == bad.sum()
     assert spoilt.index[bad][[0, -1]].tolist() == [finding.start, finding.end]
-    assert (seam_line_mask(spoilt, "heading_deg") == bad).all()
+    assert (wrap_interpolation_mask(spoilt, "heading_deg") == bad).all()
     assert check_heading_wrap(sound).findings == ()
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from seatrial.acquisition.core.ship import Actuator, actuators_as_text
-from seatrial.analysis.quality.findings import check_helm_sign, check_shaft_sign
+from seatrial.analysis.quality.controls import check_helm_sign, check_shaft_sign
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.rudder_ships import MODEL, TWIN, Orders, Ship, sail, turn, zigzag
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from seatrial.acquisition.core.ship import COMMAND
 from seatrial.acquisition.core.trial import Quality
-from seatrial.analysis.quality.findings import ORDER_INTERPOLATED, check_orders, hold_orders
+from seatrial.analysis.quality.controls import ORDER_INTERPOLATED, check_orders, hold_orders
 from seatrial.analysis.series import finite_samples
 from seatrial.hybrid.simulation.trial import SimulationNoise, simulate_trial
 from tests.analysis.conftest import table_at

@@ -24,7 +24,8 @@ from seatrial.acquisition.recording.writer import write_table
 from seatrial.acquisition.tables.import_table import import_table
 from seatrial.analysis.quality.channel_checks import check_heading_wrap
 from seatrial.analysis.quality.check import check_recording
-from seatrial.analysis.quality.findings import CheckResult, Finding, check_orders
+from seatrial.analysis.quality.controls import check_orders
+from seatrial.analysis.quality.findings import CheckResult, Finding
 from seatrial.analysis.quality.repairs import RepairResult, repair_table, write_repaired
 from seatrial.analysis.quality.wind import check_wind
 from seatrial.analysis.tables.table import history_of, read_table, table_of

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
+from seatrial.analysis.quality.channel_checks import check_repeats
 from seatrial.analysis.quality.check import check_table
-from seatrial.analysis.quality.findings import check_repeats
 from seatrial.analysis.quality.repairs import repair_table
 from seatrial.analysis.series import without_repeats
 from tests.analysis.rudder_ships import Ship, sail, turn, zigzag

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.trial import Quality
-from seatrial.analysis.quality.findings import check_thruster_feedback
+from seatrial.analysis.quality.controls import check_thruster_feedback
 from seatrial.hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from seatrial.acquisition.core.quantities import Series
-from seatrial.analysis.quality.findings import find_clock_jumps, find_reception_jumps, jitter_s
+from seatrial.analysis.quality.time_checks import find_clock_jumps, find_reception_jumps, jitter_s
 from seatrial.analysis.tables.table import NANO, index_of, times_ns
 from seatrial.hybrid.simulation.trial import simulate_trial
 

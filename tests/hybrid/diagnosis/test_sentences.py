@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from seatrial.acquisition.core.ship import KINDS, Actuator, Actuators
 from seatrial.hybrid.diagnosis.linearise import TimeProfile, time_varying
 from seatrial.hybrid.diagnosis.result import EffectDrift, Estimate, NamedEffect, Replication, When
-from seatrial.hybrid.effects import CATALOGUE, catalogue_for, vessel_plant
+from seatrial.hybrid.effects import CATALOGUE, catalogue_of_actuators, vessel_plant
 from seatrial.hybrid.effects.environment import STEADY_WIND
 from seatrial.hybrid.report.diagnosis import _no_wind, effects_by_part, sentence
 from seatrial.hybrid.vessel.files import load_vessel
@@ -133,7 +133,7 @@ JETS = (Actuator("port", "waterjet"), Actuator("starboard", "waterjet"))
 def test_actuators_of_other_ships_in_words(
     actuators: Actuators, name: str, ends: tuple[float, float, float], words: str
 ) -> None:
-    effect = catalogue_for(actuators)[name]
+    effect = catalogue_of_actuators(actuators)[name]
     (parameter,) = effect.parameters
     text = sentence(effect, {parameter.name: Estimate(*ends, parameter.unit)}, 0.5, actuators)
     assert text.startswith(words)
@@ -144,7 +144,7 @@ PAIRS = [(Actuator("port", kind), Actuator("starboard", kind)) for kind in KINDS
 
 @pytest.mark.parametrize("actuators", [TWIN, SINGLE, *PAIRS])
 def test_every_effect_of_another_ship_has_a_sentence(actuators: Actuators) -> None:
-    for effect in catalogue_for(actuators).values():
+    for effect in catalogue_of_actuators(actuators).values():
         parameters = {each.name: Estimate(each.typical, each.typical, each.typical, each.unit)
                       for each in effect.parameters}  # fmt: skip
         text = sentence(effect, parameters, 0.5, actuators)

@@ -17,7 +17,7 @@ from seatrial.hybrid.evaluation.predicted_indices import (
     certain_vessel,
     form_errors,
     index_table,
-    interval_of,
+    index_with_interval,
     standard_indices,
     uncertain_effects,
 )
@@ -131,7 +131,10 @@ def test_an_error_that_the_coefficients_explain_is_none_of_the_form() -> None:
     explained, unexplained = (form_errors([(row, error) for row in rows]) for error in (0.2, 0.0))
     assert explained["turn"] == (0.0, 4)
     assert unexplained["turn"][0] == pytest.approx(np.log(1.1))
-    assert interval_of("advance_m", 2.0, 0.0, unexplained).high > interval_of("advance_m", 2.0, 0.0, explained).high
+    assert (
+        index_with_interval("advance_m", 2.0, 0.0, unexplained).high
+        > index_with_interval("advance_m", 2.0, 0.0, explained).high
+    )
 
 
 def test_effects_move_the_indices_within_their_intervals() -> None:

@@ -29,7 +29,7 @@ from seatrial.hybrid.diagnosis.planning import (
     separation,
 )
 from seatrial.hybrid.diagnosis.regression import NormalEquations, normal_equations, weigh_evidence
-from seatrial.hybrid.effects import CATALOGUE, catalogue_for, vessel_plant
+from seatrial.hybrid.effects import CATALOGUE, catalogue_of_actuators, vessel_plant
 from seatrial.hybrid.simulation.manoeuvres import turning_circle, zigzag
 from seatrial.hybrid.simulation.trial import SeaState, simulate_trial
 from seatrial.hybrid.vessel.files import Vessel, load_vessel
@@ -182,5 +182,5 @@ def test_rehearsal_is_of_the_ship_that_is_rehearsed() -> None:
     log = rehearse(turning_circle(20.0), ship, vessel_plant(ship), CALM, 60)
     assert log.actuators == ship.actuators
     assert log.controls.shape[-1] == 6
-    found = linearise(log, model_of(ship, catalogue_for(ship.actuators)), 0.01)
+    found = linearise(log, model_of(ship, catalogue_of_actuators(ship.actuators)), 0.01)
     assert "thrust_loss_fore" in {each.effect for each in found.effects}

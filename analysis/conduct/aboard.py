@@ -191,7 +191,7 @@ class ConductedTrial:
         for samples in news.samples[-1:] if is_first else news.samples:
             if by_ns := self._clock_step_ns(samples):
                 self._set_clock(by_ns)
-            self._keep(samples)
+            self._store_samples(samples)
             calls += self._advance(samples)
         if self.follower.part_path is not None:
             self.conductor.follow(self.follower.part_path.absolute())
@@ -222,7 +222,7 @@ class ConductedTrial:
         for part in before:
             with suppress(errors.InputError), reader.Tail(part, HISTORY_S) as tail:  # one may be gone
                 samples = tail.read_new_samples()
-                self._keep(samples)
+                self._store_samples(samples)
                 self._advance(samples)
 
     def _clock_step_ns(self, samples: Mapping[str, Series]) -> int:
@@ -298,7 +298,7 @@ class ConductedTrial:
                 self._notify("warning", _UNLED)
         return calls
 
-    def _keep(self, samples: Mapping[str, Series]) -> None:
+    def _store_samples(self, samples: Mapping[str, Series]) -> None:
         """Keep samples for judging, those before the oldest that may be needed dropped."""
         for name, series in samples.items():
             pieces = self._pieces.setdefault(name, [])
@@ -686,7 +686,7 @@ def conduct(
         stack.callback(conducted.close)
         while time.monotonic() < until_s and not stop.wait(_POLL_S):
             while pressed:
-                _type(pressed.popleft(), typed, conducted)
+                _handle_key(pressed.popleft(), typed, conducted)
             conducted.poll()
             chosen["picture"] = picture_of(conducted)
             if conductor.run is None and not conductor.marks and not on_terminal:
@@ -694,7 +694,7 @@ def conduct(
         return conductor
 
 
-def _type(key: str, typed: list[str], conducted: ConductedTrial) -> None:
+def _handle_key(key: str, typed: list[str], conducted: ConductedTrial) -> None:
     """Take a key: of a note that is being typed, or what it does."""
     if not typed:
         typed += [" "] if key == "n" else []

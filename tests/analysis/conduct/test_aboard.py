@@ -29,9 +29,9 @@ from seatrial.acquisition.logger.health import Health, Predictions
 from seatrial.acquisition.logger.requests import LOOPBACK, RecorderState, RequestServer
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import parts_by_recording, read_parts_of_recording
-from seatrial.analysis.conduct import live
+from seatrial.analysis.conduct import aboard
+from seatrial.analysis.conduct.aboard import ConductedTrial, TerminalView, last_lines, picture_of, served_page
 from seatrial.analysis.conduct.conductor import Conductor
-from seatrial.analysis.conduct.live import ConductedTrial, TerminalView, last_lines, picture_of, served_page
 from seatrial.analysis.conduct.outlook import OutlookMaker, StoredRun
 from seatrial.analysis.conduct.run import Call, RunState, judge_run
 from seatrial.analysis.manoeuvres.find import find_manoeuvres
@@ -107,7 +107,7 @@ def recorder(day: Day, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
     monkeypatch.setattr("seatrial.acquisition.logger.requests._ASK_PERIOD_S", 0.0)
     monkeypatch.setattr("seatrial.acquisition.logger.requests._ASK_SOON_S", 0.0)
     monkeypatch.setattr("seatrial.acquisition.logger.requests._QUIET_S", 0.0)
-    monkeypatch.setattr(live, "_MARK_PERIOD_S", 0.0)
+    monkeypatch.setattr(aboard, "_MARK_PERIOD_S", 0.0)
     running = RecorderOfDay(day, tmp_path / "out", tmp_path / "run")
     with running.hearing:
         yield running
@@ -118,7 +118,7 @@ def conducted(
     recorder: RecorderOfDay,
     path: Path | None = None,
     maker: OutlookMaker | None = None,
-    notify: live.Notify = lambda level, text: None,
+    notify: aboard.Notify = lambda level, text: None,
 ) -> ConductedTrial:
     conductor = Conductor(recorder.day.programme, path)
     return ConductedTrial("bay", Path("/bay.toml"), conductor, notify, recorder.hearing.path.parent, maker)
@@ -256,7 +256,7 @@ def test_conductor_that_comes_in_the_middle_of_a_run_waits_for_the_next(
     assert not trial.conductor.sailed
     assert not recorder.marks
     assert not calls
-    assert sum(live._UNLED in text for text in shown) == 1
+    assert sum(aboard._UNLED in text for text in shown) == 1
     trial.key("s")  # nor is it the next one's
     assert picture_of(trial)["say"] == "in a manoeuvre begun before · not judged"
     while trial.conductor.state.phase == "approach":
@@ -374,7 +374,7 @@ def test_what_is_not_recorded_is_named_and_ends_no_programme(
 def test_recording_without_anything_is_no_data_and_obeys_the_keys(
     recorder: RecorderOfDay, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(live, "_SILENT_S", -1.0)
+    monkeypatch.setattr(aboard, "_SILENT_S", -1.0)
     trial = conducted(recorder)
     trial.poll()
     assert str(picture_of(trial)["say"]).startswith("NO DATA")
@@ -585,7 +585,7 @@ def test_no_data_counts_nothing_down(recorder: RecorderOfDay, monkeypatch: pytes
     recorder.write(1)
     while picture_of(trial)["due_s"] is None:
         sail(trial, recorder, recorder.row + 2)
-    monkeypatch.setattr(live, "_SILENT_S", -1.0)
+    monkeypatch.setattr(aboard, "_SILENT_S", -1.0)
     picture = picture_of(trial)
     assert str(picture["say"]).startswith("NO DATA")
     assert picture["due_s"] is None
@@ -594,15 +594,15 @@ def test_no_data_counts_nothing_down(recorder: RecorderOfDay, monkeypatch: pytes
 
 def test_trial_has_one_conductor_and_waiting_ends_in_time(tmp_path: Path) -> None:
     """The marks of two could not be told apart ashore; other trials are not concerned."""
-    with live.only_conductor("bay", tmp_path), live.only_conductor("cape", tmp_path):
+    with aboard.only_conductor("bay", tmp_path), aboard.only_conductor("cape", tmp_path):
         second = (
-            "import sys; from pathlib import Path; from seatrial.analysis.conduct import live; "
-            "live.only_conductor('bay', Path(sys.argv[1])).__enter__()"
+            "import sys; from pathlib import Path; from seatrial.analysis.conduct import aboard; "
+            "aboard.only_conductor('bay', Path(sys.argv[1])).__enter__()"
         )
         command = [sys.executable, "-c", second, str(tmp_path)]  # a lock is for other processes
         refused = subprocess.run(command, capture_output=True, text=True, check=False)
     assert "is conducted already" in refused.stderr
-    assert live.recorder_to_follow(threading.Event(), lambda level, text: None, tmp_path, 0.0) is None
+    assert aboard.recorder_to_follow(threading.Event(), lambda level, text: None, tmp_path, 0.0) is None
 
 
 def test_run_that_is_sailed_is_aborted_by_the_key_pressed_twice(recorder: RecorderOfDay) -> None:
@@ -614,10 +614,10 @@ def test_run_that_is_sailed_is_aborted_by_the_key_pressed_twice(recorder: Record
     for key in "asa":
         trial.key(key)
         assert not trial.conductor.sailed
-        assert shown[-1] == f"run 1 is being sailed: press {key} again to {live.KEYS[key]} it"
+        assert shown[-1] == f"run 1 is being sailed: press {key} again to {aboard.KEYS[key]} it"
     trial.key("a")
     assert [run.outcome for run in trial.conductor.sailed] == ["aborted"]
-    assert live.outcome_line(trial.conductor.sailed[0]).endswith(": aborted")
+    assert aboard.outcome_line(trial.conductor.sailed[0]).endswith(": aborted")
     while trial.conductor.state.phase != "sailing":
         sail(trial, recorder, recorder.row + 4)
     for _ in range(2):
@@ -655,9 +655,9 @@ def test_keys_skip_abort_repeat_and_note(recorder: RecorderOfDay) -> None:
     recorder.write(40)
     trial.poll()
     for key in "ntug alongside\n":
-        live._type(key, typed, trial)
+        aboard._handle_key(key, typed, trial)
     for key in "asr":
-        live._type(key, typed, trial)
+        aboard._handle_key(key, typed, trial)
     assert [run.outcome for run in trial.conductor.sailed] == ["aborted", "skipped"]
     assert trial.conductor.place == trial.conductor.sailed[-1].place
     trial.poll()
