@@ -282,6 +282,7 @@ _NO_UNIT = re.compile(
     r"utc|gmt|local|lt|z|[ymdhms./:\-, t]+|[\d.]*f|iso.*|n/s|e/w|ns|ew|text|string|bool|float|int|enum|on/off|true|"
     r"magn?|hh.*|dd.*|yyyy.*|t[rm]m.*|jjjj.*", re.IGNORECASE,
 )  # fmt: skip
+_FORM_OF_TIME = re.compile(r"(?:dd|m{2,3}|(?:yy){1,2}|hh|ss)(?:\W?(?:dd|m{2,3}|(?:yy){1,2}|hh|ss))+", re.IGNORECASE)
 _BRACKETED = re.compile(r"\s*[\[({<]([^\[\](){}<>]*(?:\([^()]*\))?[^\[\](){}<>]*)[\])}>]\s*")
 _LONGEST_AFFIX = 3
 
@@ -375,6 +376,8 @@ def split_header(name: str) -> HeaderUnit:
         if len(parts) > 1 and (units := parse_units(parts[-1])):
             return HeaderUnit(" ".join(parts[:-1]), units, parts[-1])
     words = re.split(r"[_\s]+", name)
+    if len(words) > 1 and _FORM_OF_TIME.fullmatch(words[-1]):
+        return HeaderUnit(" ".join(words[:-1]), (), words[-1])
     for count in range(min(_LONGEST_AFFIX, len(words) - 1), 0, -1):
         text = " ".join(words[-count:])
         if (units := parse_units(text)) and words[-count - 1].lower() not in ("of", "per"):  # "seconds of day"
