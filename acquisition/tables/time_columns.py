@@ -50,7 +50,7 @@ FRACTIONS = ("millisecond", "microsecond", "nanosecond")
 Part = Literal[
     "year", "month", "day", "day_of_year", "hour", "minute", "second", "millisecond", "microsecond", "nanosecond"
 ]
-_PARTS_OF_LIST: tuple[Part, ...] = ("year", "month", "day", "hour", "minute", "second")
+_PARTS_OF_LIST = ("year", "month", "day", "hour", "minute", "second")
 GPS_WEEK = "gps-week"
 """The format of times in weeks of GPS, counted since 6 January 1980, and times of the week."""
 TEXT = "text"
@@ -135,9 +135,9 @@ class TimeColumn:
     time of the week, in the ``unit``, in GPS time unless ``zone`` is another. The ``date`` may be in a separate
     column; with a time of day only, ``day`` is that of the first row. With ``zone_in_text`` "ignored" a zone in the
     text is. ``parts`` are the columns of the parts of a time by their names, or in a list those of year, month and
-    day, then of hour, minute and second. The date is that of the ``date`` or the ``day`` if they name none, or 1970;
-    without a part of the day ``column`` is the time of day. A part counts as far as the next coarser one goes, or
-    from midnight. Parts of a second alone complete the time in ``column``.
+    day, then of hour, minute and second. The date is that of the ``date`` or the ``day`` if they name none, or
+    1970; without a part of the day ``column`` is the time of day. A part counts from the next coarser
+    one, or from midnight. Parts of a second alone complete the time in ``column``.
     """
 
     column: str
@@ -156,11 +156,11 @@ class TimeColumn:
     parts: Mapping[Part, str] | tuple[str, ...] = ()
 
     @property
-    def column_by_part(self) -> dict[Part, str]:
+    def column_by_part(self) -> dict[str, str]:
         """The columns of the parts of a time."""
-        return dict(
-            self.parts if isinstance(self.parts, Mapping) else zip(_PARTS_OF_LIST, self.parts, strict=False)
-        )
+        if isinstance(self.parts, Mapping):
+            return {str(part): column for part, column in self.parts.items()}
+        return dict(zip(_PARTS_OF_LIST, self.parts, strict=False))
 
     @property
     def is_of_parts(self) -> bool:
@@ -360,14 +360,14 @@ def _as_nanoseconds(times: pd.Series[Any]) -> tuple[Ints, Bools]:
     return values.astype("datetime64[ns]").view(np.int64), np.full(len(times), is_utc)
 
 
-_DATE_PARTS: tuple[Part, ...] = ("year", "month", "day_of_year", "day")
-_COARSEST_FIRST: tuple[Part, ...] = (*_DATE_PARTS, *PART_NS)  # type: ignore[arg-type]  # its keys are parts
+_DATE_PARTS = ("year", "month", "day_of_year", "day")
+_COARSEST_FIRST = (*_DATE_PARTS, *PART_NS)
 
 
 def _numbers_of_parts(raw: RawTable, time: TimeColumn) -> dict[str, pd.Series[Any]]:
     """The numbers of the parts of a time, the coarsest first.
 
-    A fraction counts where no finer part stands beside it: of a day of the year 137.5 beside an hour it is the hour.
+    A fraction counts where no finer part stands beside it: that of a day beside an hour is the hour.
     """
     columns = time.column_by_part
     names = [part for part in _COARSEST_FIRST if part in columns]
@@ -610,7 +610,7 @@ def distinct_dates(stamps: Sequence[times.Stamp]) -> list[times.Stamp]:
 def stamps_of_rows(
     raw: RawTable, column: str | None, date: str | None = None, day: str | None = None
 ) -> list[times.Stamp | None]:
-    """The date and time of each row, by the columns, or the ``day`` and the time of day; midnight without a column."""
+    """The date and time of each row, by the columns, or the ``day`` and the time of day; without these midnight."""
     cells = raw.columns[column or date]
     if column is None:
         text = dates_with_separators(cells) + " 00:00:00"

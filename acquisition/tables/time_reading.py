@@ -40,8 +40,8 @@ _SERIALS = {
     "matlab": ("serial days of Matlab", 6.9e5, 7.7e5),
     "julian": ("Julian days", 2.44e6, 2.49e6),
 }
-"""What serial days are called, and their range; 25,569 is 1970 in Excel's and 2040 in days since then, 51,544 is 2000
-in modified Julian days, and 2041 in Excel's."""
+"""What serial days are called, and their range; 25,569 is 1970 in Excel's and 2040 in days since then, 51,544 is
+2000 in modified Julian days, and 2041 in Excel's."""
 _SHORTEST_STEP_D = 1e-3  # rows 86 s apart: what goes in larger steps may as well be seconds, at 1 kHz and less
 _ROUNDED_FRACTION = 0.1  # of the distance of rows
 _LONGEST_STEP_D = 0.02  # serial days of a log are less than half an hour apart; seconds have larger steps
@@ -89,11 +89,7 @@ def find_time_columns(draft: MappingDraft) -> None:
         if date != clock and _are_date_and_clock(draft, date, clock):
             _note_text_time_column(draft, {"column": clock, "date": date}, "time of day")
             return draft.note_interpretation(date, "date", "", f"with the time in {clock!r}")
-    week, time_of_week = (next(iter(draft.candidates_for(name)), None) for name in ("gps_week", "time_of_week"))
-    if week and not time_of_week and np.nanmedian(draft.numbers_or_nan(week.column)) >= _ROLLED_WEEKS:
-        numeric = [candidate for candidate in draft.candidates_for("time") if candidate.column in of_kind("number")]
-        within_week = (time for time in numeric if np.nanmax(draft.numbers_or_nan(time.column)) <= _WEEK_S)
-        time_of_week = next(within_week, None)
+    week, time_of_week = _gps_week_columns(draft, of_kind("number"))
     if week and time_of_week:
         return _note_gps_week_columns(draft, week.column, time_of_week)
     if clocks := of_kind("clock"):
@@ -108,19 +104,32 @@ def find_time_columns(draft: MappingDraft) -> None:
     raise _no_time_error(draft, columns)
 
 
-_PART_WORDS: dict[time_columns.Part, frozenset[str]] = {
-    "year": frozenset("year years yr yyyy jahr annee ano jaar anno ar decimal".split()),
-    "month": frozenset("month mon monat maned mois mes maand mese".split()),
-    "day": frozenset("day tag dag jour dia giorno decimal".split()),
-    "day_of_year": frozenset(
-        "doy yday jday yearday julian ordinal day year number tag jahr jour annee jahres decimal".split()
-    ),
-    "hour": frozenset("hour hours hr hh stunde stunden heure hora uur ora".split()),
-    "minute": frozenset("minute minutes min minuten".split()),
-    "second": frozenset("second seconds sec secs ss sekunde sekunden sod s".split()),
-    "millisecond": frozenset("millisecond milliseconds millis milli ms msec msecs".split()),
-    "microsecond": frozenset("microsecond microseconds micros us usec usecs".split()),
-    "nanosecond": frozenset("nanosecond nanoseconds nanos ns nsec nsecs".split()),
+def _gps_week_columns(
+    draft: MappingDraft, numbers: Sequence[str]
+) -> tuple[ColumnCandidate | None, ColumnCandidate | None]:
+    """The columns of the weeks of GPS and of the time of the week, which may be called a time only."""
+    week, time_of_week = (next(iter(draft.candidates_for(name)), None) for name in ("gps_week", "time_of_week"))
+    if week and not time_of_week and np.nanmedian(draft.numbers_or_nan(week.column)) >= _ROLLED_WEEKS:
+        numeric = [candidate for candidate in draft.candidates_for("time") if candidate.column in numbers]
+        within_week = (time for time in numeric if np.nanmax(draft.numbers_or_nan(time.column)) <= _WEEK_S)
+        time_of_week = next(within_week, None)
+    return week, time_of_week
+
+
+_PART_WORDS = {
+    part: frozenset(words.split())
+    for part, words in {
+        "year": "year years yr yyyy jahr annee ano jaar anno ar decimal",
+        "month": "month mon monat maned mois mes maand mese",
+        "day": "day tag dag jour dia giorno decimal",
+        "day_of_year": "doy yday jday yearday julian ordinal day year number tag jahr jahres jour annee decimal",
+        "hour": "hour hours hr hh stunde stunden heure hora uur ora",
+        "minute": "minute minutes min minuten",
+        "second": "second seconds sec secs ss sekunde sekunden sod s",
+        "millisecond": "millisecond milliseconds millis milli ms msec msecs",
+        "microsecond": "microsecond microseconds micros us usec usecs",
+        "nanosecond": "nanosecond nanoseconds nanos ns nsec nsecs",
+    }.items()
 }
 """The words by which columns are called that state one part of a time."""
 _FILLERS = _UTC_WORDS | {
@@ -138,7 +147,7 @@ _FILLERS = _UTC_WORDS | {
     "stamp",
 }
 _DATE_RANGES = {"year": (0, 2200), "month": (1, 12), "day": (1, 31), "day_of_year": (1, 366)}
-_LETTERS_OF_PARTS: tuple[dict[time_columns.Part, str], ...] = (
+_LETTERS_OF_PARTS: tuple[dict[str, str], ...] = (
     {"year": "Y", "month": "M", "day": "D", "hour": "h", "minute": "m", "second": "s"},
     {"year": "YYYY", "month": "MM", "day": "DD", "hour": "hh", "minute": "mm", "second": "ss"},
     {"year": "yyyy", "month": "MM", "day": "dd", "hour": "HH", "minute": "mm", "second": "ss"},
@@ -146,8 +155,8 @@ _LETTERS_OF_PARTS: tuple[dict[time_columns.Part, str], ...] = (
 """The columns of parts by their letters: a month and a minute differ by the capital."""
 
 
-def _column_of_part(draft: MappingDraft, part: time_columns.Part, largest: float, others: Sequence[str]) -> str:
-    """A column, not one of ``others``, that is called after a part and whose numbers are at most so large; or ""."""
+def _column_of_part(draft: MappingDraft, part: str, largest: float, others: Sequence[str]) -> str:
+    """A column, not of ``others``, that is called after a part and whose numbers are below ``largest``; or ""."""
     low, _ = _DATE_RANGES.get(part, (0, 0))
     for column in draft.raw.names:
         words = set(split_into_words(column)) - _FILLERS
@@ -164,9 +173,9 @@ def _column_of_part(draft: MappingDraft, part: time_columns.Part, largest: float
     return ""
 
 
-def _columns_of_date(draft: MappingDraft) -> dict[time_columns.Part, str]:
-    """The columns of year, month and day, of the year and its day, of the latter alone, or of years with decimals."""
-    columns: dict[time_columns.Part, str] = {}
+def _columns_of_date(draft: MappingDraft) -> dict[str, str]:
+    """The columns of year, month and day, of the day of the year with or without it, or of years with decimals."""
+    columns: dict[str, str] = {}
     for part in ("year", "month", "day"):
         if column := _column_of_part(draft, part, _DATE_RANGES[part][1] + 1, [*columns.values()]):
             columns[part] = column
@@ -180,9 +189,9 @@ def _columns_of_date(draft: MappingDraft) -> dict[time_columns.Part, str]:
     return year if np.nanmean(years % 1.0 > 0.0) > _MAJORITY else {}
 
 
-def _columns_of_clock(draft: MappingDraft, others: Sequence[str]) -> dict[time_columns.Part, str]:
+def _columns_of_clock(draft: MappingDraft, others: Sequence[str]) -> dict[str, str]:
     """The columns of hour, minute, second and its fraction, the first of which may count from midnight."""
-    columns: dict[time_columns.Part, str] = {}
+    columns: dict[str, str] = {}
     coarser_ns = times.DAY_NS
     for part, unit_ns in time_columns.PART_NS.items():
         largest = coarser_ns / unit_ns + (part == "second")  # a leap second is the 60th
@@ -195,7 +204,7 @@ def _columns_of_clock(draft: MappingDraft, others: Sequence[str]) -> dict[time_c
 
 
 def _note_parts(draft: MappingDraft, clocks: list[str], dates: list[str]) -> bool:
-    """Note columns of the parts of a date, or of a date, with the time of day or its parts; whether there are such."""
+    """Note columns of a date or its parts with the time of day or its parts; whether there are such."""
     letters = next((form for form in _LETTERS_OF_PARTS if {*form.values()} <= {*draft.raw.names}), None)
     parts = dict(letters) if letters else _columns_of_date(draft)
     if not letters and not clocks:
@@ -209,7 +218,7 @@ def _note_parts(draft: MappingDraft, clocks: list[str], dates: list[str]) -> boo
     return bool(parts) and _note_numeric_parts(draft, parts, clocks, has_clock)
 
 
-def _note_date_and_parts(draft: MappingDraft, date: str, parts: dict[time_columns.Part, str]) -> None:
+def _note_date_and_parts(draft: MappingDraft, date: str, parts: dict[str, str]) -> None:
     """Note a column of dates with the parts of the time of day."""
     entry = {"column": [*parts.values()][-1], "date": date, "parts": parts}
     _note_text_time_column(draft, entry, f"{' and '.join(parts)} of the day")
@@ -235,9 +244,7 @@ def _counts_from_midnight(draft: MappingDraft, clock: str) -> bool:
     return draft.ask("time_unit", text, ("hhmmss", "s")) == "s"
 
 
-def _note_numeric_parts(
-    draft: MappingDraft, parts: dict[time_columns.Part, str], clocks: list[str], has_clock: bool
-) -> bool:
+def _note_numeric_parts(draft: MappingDraft, parts: dict[str, str], clocks: list[str], has_clock: bool) -> bool:
     """Note a time that parts of a date and of a day make up; whether they do."""
     finest = draft.numbers_or_nan([*parts.values()][-1])
     if not has_clock and not np.nanmean(finest % 1.0 > 0.0) > _MAJORITY:
@@ -282,7 +289,7 @@ def _ask_day(draft: MappingDraft, text: str) -> str | None:
     return draft.ask("day", text, (), str(pd.Timestamp(date_in_name[0]).date()) if date_in_name else None)
 
 
-def _completed_by_fraction(draft: MappingDraft, whole_seconds: str) -> dict[str, dict[time_columns.Part, str]]:
+def _completed_by_fraction(draft: MappingDraft, whole_seconds: str) -> dict[str, dict[str, str]]:
     """The entry of the column that holds the rest of whole seconds; empty for none."""
     for part in time_columns.FRACTIONS:
         if column := _column_of_part(draft, part, NANO / time_columns.PART_NS[part], [whole_seconds]):
@@ -420,14 +427,14 @@ def _note_count_column(draft: MappingDraft, column: str) -> None:
         text = f"column {column!r} goes in steps of {step:g}: does it count days ({_SERIALS[unit][0]}) or seconds?"
         if draft.ask("time_unit", text, ("d", "s")) != "d":
             return _note_seconds_column(draft, column, "s")
+    entry: dict[str, Any] = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
     if unit in _SERIALS:
         _warn_of_rounded_days(draft, column)
         if unit == "d" or "1904" in split_into_words(column):
             start = _EPOCH_START if unit == "d" else _LABVIEW_START
-            entry = {"column": column, "format": "seconds", "unit": "d", "start": start}
+            entry |= {"unit": "d", "start": start}
             return _note_time_column(draft, entry, [], f"days since {start[:4]}", zoned=True)
         return _note_time_column(draft, {"column": column, "format": unit}, [], _SERIALS[unit][0])
-    entry = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
     why = f"{unit} since 1970, by their size"
     if unit == _SINCE_1904:
         is_ntp = "ntp" in split_into_words(column) or _are_later_than_file(
@@ -455,7 +462,9 @@ def _note_count_column(draft: MappingDraft, column: str) -> None:
     return _note_time_column(draft, entry, [], why, zoned=True)
 
 
-_SERIAL_WORDS = frozenset("excel matlab datenum mtime serial date datetime datum julian jd mjd days".split())
+_SERIAL_WORDS = frozenset(
+    ["excel", "matlab", "datenum", "mtime", "serial", "date", "datetime", "datum", "julian", "jd", "mjd", "days"]
+)
 
 
 def _may_be_seconds(draft: MappingDraft, column: str) -> bool:
