@@ -128,7 +128,7 @@ _PART_WORDS = {
         "second": "second seconds sec secs ss sekunde sekunden sod s",
         "millisecond": "millisecond milliseconds millis milli ms msec msecs",
         "microsecond": "microsecond microseconds micros us usec usecs",
-        "nanosecond": "nanosecond nanoseconds nanos ns nsec nsecs",
+        "nanosecond": "nanosecond nanoseconds nanos nsec nsecs",
     }.items()
 }
 """The words by which columns are called that state one part of a time."""
