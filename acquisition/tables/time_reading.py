@@ -128,7 +128,7 @@ _PART_WORDS = {
         "second": "second seconds sec secs ss sekunde sekunden sod s",
         "millisecond": "millisecond milliseconds millis milli ms msec msecs",
         "microsecond": "microsecond microseconds micros us usec usecs",
-        "nanosecond": "nanosecond nanoseconds nanos nsec nsecs",
+        "nanosecond": "nanosecond nanoseconds nanos ns nsec nsecs",
     }.items()
 }
 """The words by which columns are called that state one part of a time."""
@@ -146,6 +146,7 @@ _FILLERS = _UTC_WORDS | {
     "header",
     "stamp",
 }
+_FEWEST_NS = 1e6  # a column ns of smaller numbers counts satellites
 _DATE_RANGES = {"year": (0, 2200), "month": (1, 12), "day": (1, 31), "day_of_year": (1, 366)}
 _LETTERS_OF_PARTS: tuple[dict[str, str], ...] = (
     {"year": "Y", "month": "M", "day": "D", "hour": "h", "minute": "m", "second": "s"},
@@ -168,6 +169,8 @@ def _column_of_part(draft: MappingDraft, part: str, largest: float, others: Sequ
         if column in others or not is_called:
             continue
         values = draft.numbers_or_nan(column)
+        if column.lower() == "ns" and not np.any(values >= _FEWEST_NS):
+            continue
         if np.isfinite(values).any() and low <= np.nanmin(values) and np.nanmax(values) < largest:
             return column
     return ""
@@ -221,8 +224,20 @@ def _note_parts(draft: MappingDraft, clocks: list[str], dates: list[str]) -> boo
 def _note_date_and_parts(draft: MappingDraft, date: str, parts: dict[str, str]) -> None:
     """Note a column of dates with the parts of the time of day."""
     entry = {"column": [*parts.values()][-1], "date": date, "parts": parts}
+    _warn_of_count(draft, parts)
     _note_text_time_column(draft, entry, f"{' and '.join(parts)} of the day")
     draft.note_interpretation(date, "date", "", f"with the time of day in {', '.join(map(repr, parts.values()))}")
+
+
+def _warn_of_count(draft: MappingDraft, parts: Mapping[str, str]) -> None:
+    """Warn of a count beside a date that may as well be one since the log began: its name does not say which."""
+    part = next((part for part in time_columns.PART_NS if part in parts), "hour")
+    if part == "hour" or set(split_into_words(parts[part])) & _DAY_WORDS:
+        return
+    draft.warnings.append(
+        f"{parts[part]!r} is read as {part}s since midnight; if it counts from the start of the log:"
+        " --answer start=2026-05-17T12:00:00Z is the first row's time"
+    )
 
 
 def _counts_from_midnight(draft: MappingDraft, clock: str) -> bool:
@@ -261,6 +276,8 @@ def _note_numeric_parts(draft: MappingDraft, parts: dict[str, str], clocks: list
     elif "year" not in parts:
         text = f"column {parts['day_of_year']!r} is the day of a year; which is it (2026)?"
         entry |= {"format": time_columns.TEXT, "year": int(draft.ask("year", text) or 1970)}
+    else:
+        _warn_of_count(draft, parts)
     _note_time_column(draft, entry, [], why)
     for column in earlier:
         draft.note_interpretation(column, "time", "", "a part of it")

@@ -162,6 +162,7 @@ def _cells(index: pd.DatetimeIndex, form: str) -> list[str]:
         {"Date (ddmmyy)": "%d%m%y", "Time (hhmmss)": "%H%M%S.%f"},
         {"secs": "unix", "nsecs": "nsec"},
         {"Unix time": "unix", "ms": "ms"},
+        {"Unix time": "unix", "ns": "nsec"},
         {"NTP time": "ntp"},
         {"days since 1970-01-01": "days 1970"},
         {"Time (d)": "days 1970"},
@@ -205,6 +206,17 @@ def test_digits_that_may_be_seconds_since_midnight_are_asked(
     assert read(path, **answer)[1][0].hour == hour
     path = table(tmp_path / "u.csv", [str(43_250 + row) for row in range(30)], date=day)
     assert read(path)[1][0] == pd.Timestamp("2026-05-17T12:00:50Z")
+
+
+def test_a_count_beside_a_date_is_said_to_be_since_midnight(tmp_path: Path) -> None:
+    """It may be one since the log began, of which the answer is the first row's time."""
+    path = table(tmp_path / "t.csv", [str(row) for row in range(30)], "Time [s]", date=["2026-05-17"] * 30)
+    proposal, found = read(path)
+    assert found[0] == pd.Timestamp("2026-05-17T00:00:00Z")
+    assert any("since midnight" in warning and "start=" in warning for warning in proposal.warnings)
+    _, found = read(path, start="2026-05-17T12:00:00Z")
+    assert found[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+    assert np.diff(found.asi8).tolist() == [10**9] * 29
 
 
 def test_seconds_of_the_size_of_serial_days_are_not_taken_for_days(tmp_path: Path) -> None:
