@@ -91,7 +91,9 @@ class InfluxSink(_Sink):
     bucket: str = ""
     org: str = ""
     database: str = ""
-    measurement: Annotated[str, Field(min_length=1, max_length=100)] = "seatrial"
+    measurement: Annotated[str, Field(max_length=100, pattern="^[^#]")] = (
+        "seatrial"  # a line from # on is a comment
+    )
     token_file: sections.AbsolutePath | None = None
     token_variable: str = ""
     ca_file: sections.AbsolutePath | None = None

@@ -126,6 +126,9 @@ def system_reason(error: BaseException) -> str:
         numbers = (getattr(cause, "errno", None), *cause.args[:1])
         if isinstance(cause, gaierror):
             return "no computer of this name is known"
+        if type(cause).__module__ == "ssl":  # whose numbers are OpenSSL's; importing it takes a while
+            reason = str(getattr(cause, "reason", None) or cause).lower().replace("_", " ")
+            return f"the peer and this computer agree on no TLS: {reason}"
         for number in numbers:
             if isinstance(number, int) and number in errorcode:
                 return _PLAIN_REASONS.get(number) or os.strerror(number)

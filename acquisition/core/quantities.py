@@ -257,8 +257,19 @@ _SIZES: dict[str, dict[str, float]] = {
         "mm/s": 0.001,
         "mph": 0.44704,
         "ft/s": 0.3048,
+        "dm/s": 0.1,
+        "m/min": 1.0 / 60.0,
+        "km/min": 1000.0 / 60.0,
+        "ft/min": 0.3048 / 60.0,
     },
-    "deg/s": {"deg/s": 1.0, "deg/min": 1.0 / 60.0, "rad/s": DEG_PER_RAD, "mrad/s": DEG_PER_RAD / 1000.0},
+    "deg/s": {
+        "deg/s": 1.0,
+        "deg/min": 1.0 / 60.0,
+        "deg/h": 1.0 / 3600.0,
+        "rad/s": DEG_PER_RAD,
+        "mrad/s": DEG_PER_RAD / 1000.0,
+        "rad/min": DEG_PER_RAD / 60.0,
+    },
     "rpm": {"rpm": 1.0, "rps": 60.0, "Hz": 60.0, "rad/s": 30.0 / pi},
     "%": {"%": 1.0, "ratio": 100.0, "d%": 0.1, "c%": 0.01},
     "m/s2": {"m/s2": 1.0, "m/s/s": 1.0, "mG": 0.00980665},
@@ -275,6 +286,12 @@ _SIZES: dict[str, dict[str, float]] = {
     "A": {"A": 1.0, "cA": 0.01, "mA": 0.001},
 }
 """The size of each unit in the standard unit of its quantity. Units not listed have no other name."""
+for _quantity in ("m/s", "deg/s"):  # fixed-point numbers of gateways: a log's 0.01 knots
+    _SIZES[_quantity] |= {
+        f"{_scale} {_unit}": float(_scale) * _size
+        for _scale in ("0.1", "0.01", "0.001")
+        for _unit, _size in tuple(_SIZES[_quantity].items())
+    }
 
 _ZEROS = {"K": -273.15, "degF": -160.0 / 9.0}
 """The zero of a unit in the standard unit, unless it is the same."""

@@ -317,11 +317,19 @@ def _attempt(action: Callable[[], Result], url: str, kind: type[errors.SeatrialE
             return action()
         except errors.SeatrialError:
             raise
-        except Exception as error:  # the libraries of the stores have no base of their own
+        except Exception as answer:  # the libraries of the stores have no base of their own
+            error = _underlying_error(answer)
             if number == ATTEMPTS or _is_final(error):
                 raise _store_error(error, url, kind) from error
             time.sleep(_FIRST_PAUSE_S * 2 ** (number - 1))
     raise AssertionError
+
+
+def _underlying_error(error: Exception) -> Exception:
+    """What failed: of the web any failure to ask for a file is raised as that it does not exist."""
+    cause = error.__cause__
+    is_of_web = isinstance(cause, Exception) and type(cause).__module__.partition(".")[0] in ("aiohttp", "asyncio")
+    return cause if is_of_web and isinstance(error, FileNotFoundError) else error  # type: ignore[return-value]
 
 
 def _is_final(error: Exception) -> bool:
@@ -341,6 +349,8 @@ def _store_error(error: Exception, url: str, kind: type[errors.SeatrialError]) -
     if type(error).__name__ in _NO_CREDENTIALS:
         fix = _CREDENTIALS_FIX.get(url.partition(":")[0], "")
         return kind("needs credentials for its store", where=url, why="none were found", fix=fix)
+    if type(error).__name__ == "TooManyRedirects":
+        why = "its server sends from one address to another without end"
     if isinstance(error, FileNotFoundError) and "bucket" in why.lower():
         return kind("is in no such bucket", where=url, fix="check the name of the bucket")
     if isinstance(error, FileNotFoundError) or status == 404:

@@ -73,7 +73,7 @@ _CLOCK = (
 )
 _NO_HOUR = r"(?!:\d\d(?::\d\d)?(?![\d:]))"  # "17 May 12:00:00" has no year, "17-May-12:12:00:00" has one
 _GAP = r"(?:[T ,_;\t:-]|at )+"
-_YEAR_DAY = re.compile(r"(?<!\d)(?P<a>\d{4})[:-](?P<yearday>\d{3})[:T]" + _CLOCK)
+_YEAR_DAY = re.compile(r"(?<!\d)(?P<a>\d{4})[:-](?P<yearday>\d{3})[:T ]" + _CLOCK)
 _COMPACT = re.compile(
     r"(?<!\d)(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)[T _-]?(?P<clock>\d{6})(?!\d)(?:[.,](?P<fraction>\d{1,9}))?"
     + _ZONE

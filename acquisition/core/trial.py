@@ -27,7 +27,8 @@ HIGHEST_IDENTIFIER = 0x1FFFFFFF
 _NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]")
 _MOST_READINGS, _CLOSE_NS = 3, 2000  # two readings of a clock take some 100 ns
 _LONGEST_NAME = 32  # letters after the @ in a label; a TAG block's source has at most 15
-_SATELLITE_TALKERS = frozenset({"GN", "GP", "GL", "GA", "GB", "BD", "GI", "GQ", "QZ"})
+SATELLITE_TALKERS = frozenset({"GN", "GP", "GL", "GA", "GB", "BD", "GI", "GQ", "QZ"})
+"""The talkers of satellite receivers, by the satellites of a fix."""
 
 
 @cache
@@ -226,7 +227,7 @@ def line_and_device(source: str) -> str:
     """
     name, device, _ = split_source_label(source)
     talker, at, tag = device.partition("@")
-    return f"{name}/{'GN' if talker in _SATELLITE_TALKERS else talker}{at}{tag}"
+    return f"{name}/{'GN' if talker in SATELLITE_TALKERS else talker}{at}{tag}"
 
 
 class Fix(NamedTuple):

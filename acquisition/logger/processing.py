@@ -271,17 +271,27 @@ class FrameProcessor:
 
 @dataclass(slots=True)
 class _Holder:
-    """Who has a channel: its last sample, its rank, and the time between its last two messages [ns]."""
+    """Who has a channel: its last sample, its rank, and the time between its last two messages [ns].
+
+    ``latest`` is its last message, which may be one that was not let through: of another talker, while it is open
+    whether that is a name of the same receiver.
+    """
 
     sample: trials.Sample
     rank: Rank
-    interval_ns: int = 0
+    latest: trials.Sample
+    interval_ns: int | None = None
 
     def since(self, sample: trials.Sample) -> int:
         """The time since its last message: between the measurements as far as both state their times [ns]."""
-        if self.sample.source_ns is not None and sample.source_ns is not None:
-            return sample.source_ns - self.sample.source_ns
-        return sample.monotonic_ns - self.sample.monotonic_ns
+        if self.latest.source_ns is not None and sample.source_ns is not None:
+            return sample.source_ns - self.latest.source_ns
+        return sample.monotonic_ns - self.latest.monotonic_ns
+
+    def continue_with(self, sample: trials.Sample, rank: Rank) -> None:
+        """Take note of the next message that is let through."""
+        self.interval_ns = self.since(sample)
+        self.sample, self.rank, self.latest = sample, rank, sample
 
 
 class Selector:
@@ -350,15 +360,16 @@ class Selector:
         if holder is None:
             if sample.quantity == self._anywhere and self._may_preferred_source_still_send(sample, rank):
                 return False, None
-            self._holders[sample.quantity] = _Holder(sample, rank)
+            self._holders[sample.quantity] = _Holder(sample, rank, sample)
             return True, None
         pair = holder.sample.source, sample.source
+        interval_ns = holder.since(sample) if holder.latest is not holder.sample else None
         if pair[0] == pair[1] or self._is_same_receiver(holder, sample):
-            holder.sample, holder.rank, holder.interval_ns = sample, rank, holder.since(sample)
+            holder.continue_with(sample, rank)
             return True, None
         if rank < holder.rank or sample.monotonic_ns - holder.sample.monotonic_ns > self._patience_ns:
             handover = Handover(sample.quantity, *pair, rank < holder.rank)
-            self._holders[sample.quantity] = _Holder(sample, rank)
+            self._holders[sample.quantity] = _Holder(sample, rank, sample, interval_ns)
             return True, None if _share_receiver(*pair) and pair not in self._rivals else handover
         return False, None
 
@@ -374,14 +385,21 @@ class Selector:
         return is_expected and sample.monotonic_ns - self._since_ns <= SILENT_NS
 
     def _is_same_receiver(self, holder: _Holder, sample: trials.Sample) -> bool:
-        """Whether the holder continues under another talker: in turn, and never concurrently with the former."""
+        """Whether the holder continues under another talker: in turn, and never concurrently with the former.
+
+        That takes the time between two messages. Until it is known the other's are not let through, but count as
+        messages: of a receiver that changes its talker with every one, they halve the time.
+        """
         pair = holder.sample.source, sample.source
         messages = [trials.split_source_label(source)[2] for source in pair]
         if not _share_receiver(*pair) or pair in self._rivals or messages[0] != messages[1]:
             return False
-        if holder.interval_ns <= 0 or (holder.sample.source_ns is None) != (sample.source_ns is None):
+        if (holder.latest.source_ns is None) != (sample.source_ns is None):
             return False
-        if holder.since(sample) >= _TURN_FRACTION * holder.interval_ns:
+        if holder.interval_ns is None:
+            holder.latest = sample
+            return False
+        if holder.interval_ns > 0 and holder.since(sample) >= _TURN_FRACTION * holder.interval_ns:
             return True
         if len(self._rivals) < _MOST_RANKS:
             self._rivals |= {pair, pair[::-1]}

@@ -42,7 +42,7 @@ _DATAGRAM_BYTES = 1400  # what no network on the way has to cut
 _MOST_ANSWER_BYTES = 65_536
 _MOST_LETTERS = 200
 _TOKEN = re.compile(r"[\x21-\x7e]+(?: [\x21-\x7e]+)*")
-_SPECIAL = re.compile(r"([,= \\])")
+_SPECIAL = re.compile(r"([,= ])")
 _MALFORMED = (400, 413, 422)
 """A server's answers that would be the same to the same lines."""
 
@@ -92,12 +92,12 @@ class InfluxLines:
 
 
 def _escape(text: str) -> str:
-    """A tag or a name as the line protocol has it; it knows no line ends.
+    """A tag or a name as the line protocol has it. It knows no line ends; a backslash escapes what follows.
 
     >>> print(_escape("sea trial, 1"))
     sea\\ trial\\,\\ 1
     """
-    plain = "".join(letter if letter.isprintable() else "_" for letter in text)
+    plain = "".join(letter if letter.isprintable() and letter != "\\" else "_" for letter in text)
     return _SPECIAL.sub(r"\\\1", plain) or "_"
 
 

@@ -438,9 +438,9 @@ INPUTS: dict[str, Input] = {
         "Yacht Devices' recorders, .CAN", _ADDRESS, "since the recorder started; UTC where the bus tells it"
     ),
     "pcap": Input(
-        "tcpdump and Wireshark on SocketCAN, or on a network: lines and messages in datagrams of UDP and IPv4;"
-        " the older form",
-        f"{_ADDRESS}; captured on all interfaces, each; of datagrams each sender", "UTC",
+        "tcpdump and Wireshark on SocketCAN, or on a network: lines and messages in datagrams of UDP and"
+        " streams of TCP; the older form",
+        f"{_ADDRESS}; captured on all interfaces, each; of a network each sender", "UTC",
     ),
     "pcapng": Input("the newer form", f"{_ADDRESS}{_BUS} interface", "UTC"),
     "asc": Input(

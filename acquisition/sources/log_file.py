@@ -530,7 +530,7 @@ class LogClock:
     def __init__(self, head: Sequence[LogEntry], changed_ns: int) -> None:
         self.remark = ""
         self._now_ns: int | None = None
-        self._day_time_source: tuple[int, bytes] | None = None  # of a log without any date
+        self._day_time_sources: _TimeSources = frozenset()  # of a log without any date
         stamps_ns = [entry.time_ns for entry in head if not entry.turn_ns and entry.time_ns is not None]
         # times since the log began would not fall; those since the frame before (candump -td) do, or are all alike
         is_regular = len(stamps_ns) > 2 and stamps_ns[0] == 0 < stamps_ns[1] and len({*stamps_ns[1:]}) == 1
@@ -545,12 +545,12 @@ class LogClock:
         )
         running = [(self._running_ns(entry), entry) for entry in head]
         timed = [(time_ns, entry) for time_ns, entry in running if time_ns is not None]
-        self._time_source = None if timed else _usual_time_source(head, utc_ns_stated_by_entry)
-        if not timed and self._time_source is None:
-            self._day_time_source = _usual_time_source(head, _day_time_ns_stated_by_entry)
+        self._time_sources = frozenset() if timed else _usual_time_sources(head, utc_ns_stated_by_entry)
+        if not timed and not self._time_sources:
+            self._day_time_sources = _usual_time_sources(head, _day_time_ns_stated_by_entry)
             head = [self._with_day_time(entry) for entry in head]
             timed = [(entry.time_ns, entry) for entry in head if entry.time_ns is not None]
-        if self._time_source is not None:
+        if self._time_sources:
             self.remark = (
                 "it has no times of its own; what the bus or a sentence tells is taken, mostly whole seconds"
             )
@@ -570,8 +570,10 @@ class LogClock:
 
     def time_ns(self, entry: LogEntry) -> int | None:
         """The entry's time, or that of the entry before: UTC, or since the log began; None where there is none."""
-        if self._time_source is not None:
-            stated_ns = utc_ns_stated_by_entry(entry) if _time_source_of_entry(entry) == self._time_source else None
+        if self._time_sources:
+            stated_ns = (
+                utc_ns_stated_by_entry(entry) if _time_source_of_entry(entry) in self._time_sources else None
+            )
             if stated_ns is None and self._now_ns is not None:
                 stated_ns = self._time_ns_of_position(entry, self._now_ns)
             self._now_ns = self._now_ns if stated_ns is None else stated_ns
@@ -592,7 +594,7 @@ class LogClock:
 
     def _with_day_time(self, entry: LogEntry) -> LogEntry:
         """The entry with the time of day that it states, where nothing else in the log tells the time."""
-        if self._day_time_source is None or _time_source_of_entry(entry) != self._day_time_source:
+        if _time_source_of_entry(entry) not in self._day_time_sources:
             return entry
         day_time_ns = _day_time_ns_stated_by_entry(entry)
         return entry if day_time_ns is None else entry._replace(time_ns=day_time_ns, turn_ns=DAY_NS)
@@ -620,11 +622,11 @@ class LogClock:
         since = [(time_ns, entry) for time_ns, entry in running if time_ns < EARLIEST_UTC_NS]
         if not since:
             return
-        time_source = _usual_time_source([entry for _, entry in since], utc_ns_stated_by_entry)
+        time_sources = _usual_time_sources([entry for _, entry in since], utc_ns_stated_by_entry)
         starts_ns = [
             utc - time_ns
             for time_ns, entry in since
-            if _time_source_of_entry(entry) == time_source and (utc := utc_ns_stated_by_entry(entry)) is not None
+            if _time_source_of_entry(entry) in time_sources and (utc := utc_ns_stated_by_entry(entry)) is not None
         ]
         # a receiver that has just been switched on may state any time
         began_ns = median_low(starts_ns) if starts_ns else 0
@@ -648,6 +650,9 @@ class LogClock:
         self._epoch_ns = began_ns
 
 
+_TimeSources = frozenset[tuple[int, bytes]]
+
+
 def _time_source_of_entry(entry: LogEntry) -> tuple[int, bytes]:
     """What an entry comes from: the identifier of a frame, the beginning of a sentence."""
     return entry.identifier, b"" if entry.protocol == "can" else nmea0183.split_tag_block(entry.payload).sentence[
@@ -655,12 +660,26 @@ def _time_source_of_entry(entry: LogEntry) -> tuple[int, bytes]:
     ]
 
 
-def _usual_time_source(
-    head: Sequence[LogEntry], stated_ns: Callable[[LogEntry], int | None]
-) -> tuple[int, bytes] | None:
-    """What states the UTC most often, or another time: two sources would make the time go to and fro."""
-    counts = Counter(_time_source_of_entry(entry) for entry in head if stated_ns(entry) is not None)
-    return counts.most_common(1)[0][0] if counts else None
+def _usual_time_sources(head: Sequence[LogEntry], stated_ns: Callable[[LogEntry], int | None]) -> _TimeSources:
+    """What states the UTC most often, or another time: two sources would make the time go to and fro.
+
+    With it the same sentence of other satellite talkers, if no two of them state the same time: of one receiver.
+    """
+    stated = [
+        (_time_source_of_entry(entry), time_ns) for entry in head if (time_ns := stated_ns(entry)) is not None
+    ]
+    if not stated:
+        return frozenset()
+    usual = Counter(source for source, _ in stated).most_common(1)[0][0]
+    receiver = frozenset(source for source, _ in stated if source == usual or _share_talkers(source[1], usual[1]))
+    times_ns = [time_ns for source, time_ns in stated if source in receiver]
+    return receiver if all(earlier < later for earlier, later in pairwise(times_ns)) else frozenset({usual})
+
+
+def _share_talkers(sentence_a: bytes, sentence_b: bytes) -> bool:
+    """Whether the beginnings of two sentences are of one kind, by satellite talkers."""
+    talkers = {sentence[1:3].decode("latin-1") for sentence in (sentence_a, sentence_b)}
+    return sentence_a[3:] == sentence_b[3:] != b"" and talkers <= trial.SATELLITE_TALKERS
 
 
 def _round_to_midnight_ns(time_ns: int) -> int:

@@ -28,6 +28,7 @@ from typing import BinaryIO, NamedTuple
 from seatrial.acquisition.core.times import DAY_NS, Stamp, time_of_day_ns
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
 from seatrial.acquisition.protocols import clock, nmea0183, nmea2000
+from seatrial.acquisition.sources.network_packets import Packet, StreamOrder, parse_packet
 
 MILLI_NS = 1_000_000
 _MOST_BYTES = 64  # of a frame of CAN FD
@@ -883,8 +884,10 @@ _CAN_PROTOCOLS = (0x000C, 0x000D)
 _ETHERNET = 1
 _IP_LINKS = _ETHERNET, 12, 14, 101, 228  # the others have IP without a head of their own
 _LINKS = *_CAN_LINKS, *_IP_LINKS
-_IPV4, _VLANS, _UDP = b"\x08\0", (b"\x81\0", b"\x88\xa8"), 17
-_NOTHING_CAPTURED = "no packet of the capture has a CAN frame, or lines in a datagram of UDP and IPv4"
+_IP, _VLANS = (b"\x08\0", b"\x86\xdd"), (b"\x81\0", b"\x88\xa8")
+_MOST_STREAMS = 500
+_MOST_FOREIGN_BYTES = 65_536  # of a stream without a line that is known: of another protocol
+_NOTHING_CAPTURED = "no packet of the capture has a CAN frame, or lines in a datagram of UDP or a stream of TCP"
 _IF_NAME, _IF_TSRESOL, _IF_TSOFFSET = 2, 9, 14  # options of an interface
 
 
@@ -900,13 +903,15 @@ class _Packet(NamedTuple):
 def read_capture(
     packets_of: Callable[[BinaryIO], Iterator[_Packet]], file: BinaryIO, reader: LineReader
 ) -> Iterator[LogEntry]:
-    """What tcpdump and Wireshark capture of SocketCAN, or of datagrams in a network."""
-    is_empty = True
+    """What tcpdump and Wireshark capture of SocketCAN, or of datagrams and streams in a network."""
+    is_empty, network = True, CapturedNetwork(reader)
     for packet in packets_of(file):
-        for entry in _parse_captured_packet(packet, reader):
+        for entry in _parse_captured_packet(packet, network):
             is_empty = False
             yield entry
-    if is_empty:
+    rest = list(network.end())
+    yield from rest
+    if is_empty and not rest:
         raise ValueError(_NOTHING_CAPTURED)
 
 
@@ -974,7 +979,7 @@ def _check_link_type(link: int) -> None:
         )
 
 
-def _parse_captured_packet(captured: _Packet, reader: LineReader) -> Iterator[LogEntry]:
+def _parse_captured_packet(captured: _Packet, network: CapturedNetwork) -> Iterator[LogEntry]:
     """The CAN frame or the lines in a captured packet; those of other protocols are passed over.
 
     Of what was captured on all interfaces at once the packet itself says which it came by.
@@ -983,8 +988,8 @@ def _parse_captured_packet(captured: _Packet, reader: LineReader) -> Iterator[Lo
     if link in (_COOKED, _COOKED_2):
         skip, place = (16, 14) if link == _COOKED else (20, 0)
         protocol = packet[place : place + 2]
-        if protocol == _IPV4:
-            yield from _parse_captured_datagram(packet[skip:], time_ns, reader)
+        if protocol in _IP:
+            yield from network.entries(packet[skip:], time_ns)
         if int.from_bytes(protocol, "big") not in _CAN_PROTOCOLS:
             return
         bus = f"interface{int.from_bytes(packet[4:8], 'big')}" if link == _COOKED_2 else bus
@@ -993,13 +998,13 @@ def _parse_captured_packet(captured: _Packet, reader: LineReader) -> Iterator[Lo
         at = 14 if link == _ETHERNET else 0
         while link == _ETHERNET and packet[at - 2 : at] in _VLANS:
             at += 4
-        if link != _ETHERNET or packet[at - 2 : at] == _IPV4:
-            yield from _parse_captured_datagram(packet[at:], time_ns, reader)
+        if link != _ETHERNET or packet[at - 2 : at] in _IP:
+            yield from network.entries(packet[at:], time_ns)
         return
     elif link != _SOCKETCAN:
         return
     if len(packet) < 8 or len(packet) < 8 + packet[4] or packet[4] > 64:
-        reader.unreadable += 1
+        network.reader.unreadable += 1
         return
     identifier = int.from_bytes(packet[:4], "big")
     extended, remote, error = (bool(identifier & bit) for bit in (0x80000000, 0x40000000, 0x20000000))
@@ -1008,24 +1013,85 @@ def _parse_captured_packet(captured: _Packet, reader: LineReader) -> Iterator[Lo
     yield LogEntry(time_ns, data, identifier & HIGHEST_IDENTIFIER, flags, bus=bus)
 
 
-def _parse_captured_datagram(packet: bytes, time_ns: int, reader: LineReader) -> Iterator[LogEntry]:
-    """The lines in a datagram of UDP and IPv4, of which each is a whole; its sender stands for its bus.
+class _CapturedStream:
+    """One direction of a connection of TCP: its order, its lines, and whether any of them was known."""
 
-    Of one that was cut by the capture, or sent in fragments, the lines of the first part that are whole.
+    def __init__(self, sender: str) -> None:
+        self.sender, self.order, self.cutter = sender, StreamOrder(), StreamCutter()
+        self.is_known, self.count_bytes, self.time_ns = False, 0, 0
+
+
+class CapturedNetwork:
+    """The lines in the datagrams of UDP and the streams of TCP of a capture; a sender stands for its bus.
+
+    A line of a stream has the time of the packet that ends it. Streams of other protocols are passed over.
     """
-    start = 4 * (packet[0] & 15) if packet else 0
-    if len(packet) < start + 8 or packet[0] >> 4 != 4 or packet[9] != _UDP:
-        return
-    fragment, length = int.from_bytes(packet[6:8], "big"), int.from_bytes(packet[start + 4 : start + 6], "big")
-    if fragment & 0x1FFF:  # not the first
-        reader.unreadable += 1
-        return
-    payload, cutter = packet[start + 8 : start + length], StreamCutter()
-    pieces, is_cut = cutter.push(payload), len(payload) < length - 8
-    reader.unreadable += is_cut
-    sender = f"{'.'.join(map(str, packet[12:16]))}:{int.from_bytes(packet[start : start + 2], 'big')}"
-    for entry in reader.entries(pieces if is_cut else [*pieces, *cutter.end()]):
-        yield entry._replace(time_ns=time_ns, turn_ns=0, bus=sender)
+
+    def __init__(self, reader: LineReader) -> None:
+        self.reader = reader
+        self._streams: dict[bytes, _CapturedStream] = {}
+
+    def entries(self, captured: bytes, time_ns: int) -> Iterator[LogEntry]:
+        """What a packet of IPv4 or IPv6 completes."""
+        packet = parse_packet(captured)
+        if packet is None:
+            return
+        if packet.stream:
+            yield from self._entries_of_stream(packet, time_ns)
+        elif packet.is_fragment:
+            self.reader.unreadable += 1
+        else:
+            yield from self._entries_of_datagram(packet, time_ns)
+
+    def end(self) -> Iterator[LogEntry]:
+        """What is left of the streams at the end of the capture."""
+        while self._streams:
+            yield from self._end_stream(next(iter(self._streams)))
+
+    def _entries_of_datagram(self, packet: Packet, time_ns: int) -> Iterator[LogEntry]:
+        """The lines in a datagram; of one that was cut, or sent in fragments, those that are whole."""
+        cutter = StreamCutter()
+        pieces = cutter.push(packet.payload)
+        self.reader.unreadable += packet.is_cut
+        for entry in self.reader.entries(pieces if packet.is_cut else [*pieces, *cutter.end()]):
+            yield entry._replace(time_ns=time_ns, turn_ns=0, bus=packet.sender)
+
+    def _entries_of_stream(self, packet: Packet, time_ns: int) -> Iterator[LogEntry]:
+        if packet.is_start:
+            yield from self._end_stream(packet.stream)
+        stream = self._streams.get(packet.stream)
+        if stream is None:
+            if len(self._streams) >= _MOST_STREAMS:
+                yield from self._end_stream(next(iter(self._streams)))
+            stream = self._streams[packet.stream] = _CapturedStream(packet.sender)
+        if stream.is_known or stream.count_bytes < _MOST_FOREIGN_BYTES:
+            stream.time_ns = time_ns
+            stream.count_bytes += len(packet.payload)
+            data, has_gap = stream.order.push(packet)
+            yield from self._lines(stream, data, has_gap)
+        if packet.is_end:
+            yield from self._end_stream(packet.stream)
+
+    def _end_stream(self, key: bytes) -> Iterator[LogEntry]:
+        if (stream := self._streams.pop(key, None)) is not None:
+            while data := stream.order.skip_gap():
+                yield from self._lines(stream, data, has_gap=True)
+            yield from self._known(stream, stream.cutter.end())
+
+    def _lines(self, stream: _CapturedStream, data: bytes, has_gap: bool) -> Iterator[LogEntry]:
+        if has_gap:
+            stream.cutter.cut()
+            self.reader.unreadable += stream.is_known
+        yield from self._known(stream, stream.cutter.push(data))
+
+    def _known(self, stream: _CapturedStream, pieces: Sequence[bytes]) -> Iterator[LogEntry]:
+        """The entries of lines; those that are not known count from the first that is."""
+        unreadable = self.reader.unreadable
+        for entry in self.reader.entries(pieces):
+            stream.is_known = True
+            yield entry._replace(time_ns=stream.time_ns, turn_ns=0, bus=stream.sender)
+        if not stream.is_known:
+            self.reader.unreadable = unreadable
 
 
 class FileForm(NamedTuple):

@@ -316,7 +316,7 @@ def apply_column_map(
     if columns.only is not None:
         requested.require_column(columns.only.column, ("only", "column"))
         requested.raw = columns.only.select(raw)
-    parts = (("parts", column) for column in columns.time.parts)
+    parts = (("parts", column) for column in columns.time.column_by_part.values())
     for key, column in (("column", columns.time.column), ("date", columns.time.date), *parts):
         if column is not None:
             requested.require_column(column, ("time", key))

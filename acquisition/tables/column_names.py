@@ -16,6 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
+from seatrial.acquisition.core.quantities import is_unit
 from seatrial.acquisition.core.ship import BY_NAME
 
 
@@ -282,6 +283,7 @@ _NO_UNIT = re.compile(
     r"utc|gmt|local|lt|z|[ymdhms./:\-, t]+|[\d.]*f|iso.*|n/s|e/w|ns|ew|text|string|bool|float|int|enum|on/off|true|"
     r"magn?|hh.*|dd.*|yyyy.*|t[rm]m.*|jjjj.*", re.IGNORECASE,
 )  # fmt: skip
+_FORM_OF_TIME = re.compile(r"(?:dd|m{2,3}|(?:yy){1,2}|hh|ss)(?:\W?(?:dd|m{2,3}|(?:yy){1,2}|hh|ss))+", re.IGNORECASE)
 _BRACKETED = re.compile(r"\s*[\[({<]([^\[\](){}<>]*(?:\([^()]*\))?[^\[\](){}<>]*)[\])}>]\s*")
 _LONGEST_AFFIX = 3
 
@@ -308,7 +310,38 @@ def parse_units(text: str) -> tuple[str, ...]:
     for form in (spelling, spelling.replace(" ", "_"), spelling.replace(" ", ""), _without_accents(spelling)):
         if form in _UNITS_BY_SPELLING:
             return _UNITS_BY_SPELLING[form]
-    return ()
+    return _scaled_units(text) or _rate_units(spelling)
+
+
+_SCALED = re.compile(
+    r"(?:(?P<fraction>0\.0*1)|1/(?P<divisor>10+)|10\^-(?P<digits>[123]))[\s_*]*(?P<unit>[^\W\d].*)"
+)
+_MULTIPLIED = re.compile(r"(?P<unit>.*\D)\s*[*x×/]\s*(?P<divisor>10+)")
+_RATE = re.compile(r"(?P<size>[^/]+?)(?:/|[_ ]per[_ ])(?P<time>[a-z]+)|(?P<size2>.+?)[_ .*·]?(?P<time2>s|min|h)-1")
+_RATE_NAMES = {"nmi/h": "knots", "mi/h": "mph"}
+
+
+def _scaled_units(text: str) -> tuple[str, ...]:
+    """The units of a text such as ``0.1 kn``, ``1/10 kn`` or ``kn*10``, which all count tenths of a knot."""
+    match = _SCALED.fullmatch(text) or _MULTIPLIED.fullmatch(text)
+    if match is None:
+        return ()
+    parts = match.groupdict()
+    exponent = int(parts.get("digits") or 0) or (parts.get("fraction") or parts["divisor"] or "").count("0")
+    scaled = (f"{10.0**-exponent:g} {unit}" for unit in parse_units(parts["unit"]))
+    return tuple(unit for unit in scaled if is_unit(unit))
+
+
+def _rate_units(spelling: str) -> tuple[str, ...]:
+    """The units of a length or an angle in a time, such as ``metres/minute`` or ``km h-1``."""
+    match = _RATE.fullmatch(spelling)
+    if match is None:
+        return ()
+    sizes, times = (
+        parse_units(part) for part in ((match["size"] or match["size2"]), (match["time"] or match["time2"]))
+    )
+    rates = (f"{size}/{time}" for size in sizes for time in times)
+    return tuple(rate for rate in (_RATE_NAMES.get(rate, rate) for rate in rates) if is_unit(rate))
 
 
 _SIDE = "|".join(sorted((word for word in PORT | STARBOARD if len(word) > 1), key=lambda word: (-len(word), word)))
@@ -369,18 +402,34 @@ def split_header(name: str) -> HeaderUnit:
         units = parse_units(match[1])
         if units or _NO_UNIT.fullmatch(match[1].strip()):
             stem = (name[: match.start()] + " " + name[match.end() :]).strip(" /,;:-")
+            if scaled := re.search(r"[\s_]+[x×*]\s*(10+)$", stem):  # "SOG x10 [kn]"
+                units = tuple(unit for stated in units for unit in _scaled_units(f"{stated}*{scaled[1]}"))
+                stem = stem[: scaled.start()]
             return HeaderUnit(stem, units, match[1].strip())
     for pattern in (r"\s+/\s*|\s*/\s+", r"\s*,\s*", r"\s+in\s+", r"\s*:\s*"):
         parts = re.split(pattern, name)
-        if len(parts) > 1 and (units := parse_units(parts[-1])):
+        if len(parts) > 1 and _is_balanced(parts[-1]) and (units := parse_units(parts[-1])):
             return HeaderUnit(" ".join(parts[:-1]), units, parts[-1])
     words = re.split(r"[_\s]+", name)
+    if len(words) > 1 and _FORM_OF_TIME.fullmatch(words[-1]):
+        return HeaderUnit(" ".join(words[:-1]), (), words[-1])
     for count in range(min(_LONGEST_AFFIX, len(words) - 1), 0, -1):
         text = " ".join(words[-count:])
-        if (units := parse_units(text)) and words[-count - 1].lower() not in ("of", "per"):  # "seconds of day"
+        if (
+            _is_balanced(text) and (units := parse_units(text)) and words[-count - 1].lower() not in ("of", "per")
+        ):  # "seconds of day"
             return HeaderUnit(" ".join(words[:-count]), units, text)
     stem, _, suffix = name.rpartition("/")
-    return HeaderUnit(stem, units, suffix) if stem and (units := parse_units(suffix)) else HeaderUnit(name, (), "")
+    return (
+        HeaderUnit(stem, units, suffix)
+        if stem and _is_balanced(suffix) and (units := parse_units(suffix))
+        else HeaderUnit(name, (), "")
+    )
+
+
+def _is_balanced(text: str) -> bool:
+    """Whether a text is no piece of what stands in brackets."""
+    return not re.search(r"[\])}]", re.sub(r"[\[({][^\[\](){}]*[\])}]", "", text))
 
 
 def readings_of_header(name: str) -> tuple[HeaderUnit, ...]:

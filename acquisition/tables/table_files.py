@@ -321,7 +321,7 @@ _MOMENT = re.compile(
     re.ASCII,
 )
 """A moment whose year is plain, and its zone: 05-06-2026 and 1-1-1 may be of several dates."""
-_COUNTS_NS = {
+COUNTS_NS = {
     **dict.fromkeys(("nanoseconds", "nanosecond", "nanosec", "ns"), 1),
     **dict.fromkeys(("microseconds", "microsecond", "microsec", "us"), 1000),
     **dict.fromkeys(("milliseconds", "millisecond", "millisec", "msec", "ms"), 1_000_000),
@@ -473,7 +473,7 @@ def times_since(
     if since is not None and since[1].lower() in _UNEVEN:
         fix = "count them in seconds or days"
         raise InputError(f"its times are in {unit!r}, which is not read", where=str(path), fix=fix)
-    if since is None or since[1].lower() not in _COUNTS_NS or counts.dtype.kind not in "iuf":
+    if since is None or since[1].lower() not in COUNTS_NS or counts.dtype.kind not in "iuf":
         return None
     if (start := _plain_moment(since[2])) is None:
         fix = "write it as 2026-05-17 12:00:00 +00:00"
@@ -484,7 +484,7 @@ def times_since(
     if start < _GREGORIAN and calendar.lower() != "proleptic_gregorian":
         why = f"they count from {since[2]}, and calendars differ before 1582"
         raise InputError("its times are no dates", where=str(path), why=why, fix="count them from a later day")
-    step_ns = _COUNTS_NS[since[1].lower()]
+    step_ns = COUNTS_NS[since[1].lower()]
     is_time = np.isfinite(counts)
     integers = np.floor(np.where(is_time, counts, 0))
     part_ns = np.rint((np.where(is_time, counts, 0) - integers) * step_ns).astype(np.int64)

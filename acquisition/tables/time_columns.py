@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import datetime as dt
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass as plain_dataclass
 from dataclasses import replace
 from typing import Annotated, Any, Literal
@@ -40,6 +40,17 @@ NS_IN = {"ns": 1, "us": 1_000, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 
 """The nanoseconds in each unit of counted time."""
 STORABLE = "1970-01-01", "2262-01-01"
 """The first day of a recording's times, and the first beyond: they are nanoseconds since 1970."""
+PART_NS = {
+    "hour": NS_IN["h"], "minute": NS_IN["min"], "second": NS_IN["s"],
+    "millisecond": NS_IN["ms"], "microsecond": NS_IN["us"], "nanosecond": NS_IN["ns"],
+}  # fmt: skip
+"""The nanoseconds in each part of a time of day, which may be counted from midnight."""
+FRACTIONS = ("millisecond", "microsecond", "nanosecond")
+"""The parts that complete a time whose cells are whole seconds."""
+Part = Literal[
+    "year", "month", "day", "day_of_year", "hour", "minute", "second", "millisecond", "microsecond", "nanosecond"
+]
+_PARTS_OF_LIST = ("year", "month", "day", "hour", "minute", "second")
 GPS_WEEK = "gps-week"
 """The format of times in weeks of GPS, counted since 6 January 1980, and times of the week."""
 TEXT = "text"
@@ -123,8 +134,10 @@ class TimeColumn:
     second may be added. With "gps-week" the ``date`` is the column of the weeks of GPS and ``column`` that of the
     time of the week, in the ``unit``, in GPS time unless ``zone`` is another. The ``date`` may be in a separate
     column; with a time of day only, ``day`` is that of the first row. With ``zone_in_text`` "ignored" a zone in the
-    text is. ``parts`` are the columns of year, month and day, then of hour, minute and second, unless ``column`` is
-    that of the time of day.
+    text is. ``parts`` are the columns of the parts of a time by their names, or in a list those of year, month and
+    day, then of hour, minute and second. The date is that of the ``date`` or the ``day`` if they name none, or
+    1970; without a part of the day ``column`` is the time of day. A part counts from the next coarser
+    one, or from midnight. Parts of a second alone complete the time in ``column``.
     """
 
     column: str
@@ -140,7 +153,19 @@ class TimeColumn:
     order: times.Order | None = None
     year: int | None = None
     zone_in_text: Literal["used", "ignored"] = "used"
-    parts: tuple[str, ...] = ()
+    parts: Mapping[Part, str] | tuple[str, ...] = ()
+
+    @property
+    def column_by_part(self) -> dict[str, str]:
+        """The columns of the parts of a time."""
+        if isinstance(self.parts, Mapping):
+            return {str(part): column for part, column in self.parts.items()}
+        return dict(zip(_PARTS_OF_LIST, self.parts, strict=False))
+
+    @property
+    def is_of_parts(self) -> bool:
+        """Whether the time is put together from parts, and not only completed by one."""
+        return not set(self.column_by_part) <= {*FRACTIONS} or self.column in self.column_by_part.values()
 
 
 @plain_dataclass(frozen=True, slots=True)
@@ -168,12 +193,15 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
             running = counts.astype(np.int64) + _COUNTER * turns
             raw = replace(raw, columns=raw.columns.assign(**{time.column: running}))
     local_ns, is_utc = _local_times(raw, time)
+    if not time.is_of_parts:
+        fraction_ns = _ns_of_parts(_numbers_of_parts(raw, time))
+        local_ns = np.where((local_ns == _NO_TIME) | (fraction_ns == _NO_TIME), local_ns, local_ns + fraction_ns)
     steps = np.diff(local_ns[local_ns != _NO_TIME])
     if np.count_nonzero(steps < 0) > max(1, _NEWEST_FIRST * steps.size):
         raw = replace(raw, columns=raw.columns.iloc[::-1].reset_index(drop=True))
         local_ns, is_utc = local_ns[::-1], is_utc[::-1]
         remarks.append("the newest row came first: the rows are turned round")
-    if time.day is not None or time.date is not None:
+    if time.day is not None or time.date is not None or time.is_of_parts:
         local_ns, remark = _run_on_past_midnight(local_ns, time)
         remarks += [remark] if remark else []
 
@@ -220,7 +248,7 @@ def _run_on_past_midnight(local_ns: Ints, time: TimeColumn) -> tuple[Ints, str]:
     """
     valid = local_ns != _NO_TIME
     steps = np.diff(local_ns[valid], prepend=local_ns[valid][:1])
-    if time.date is None:
+    if time.day is not None:
         days = np.cumsum(steps < -times.DAY_NS // 2)
     else:
         falls = (steps < -_MOST_OF_DAY_NS) & (steps > -times.DAY_NS)
@@ -228,10 +256,12 @@ def _run_on_past_midnight(local_ns: Ints, time: TimeColumn) -> tuple[Ints, str]:
         days = np.cumsum(falls.astype(np.int64) - rises)
     local_ns = local_ns.copy()
     local_ns[valid] += days * times.DAY_NS
-    if time.date is None or not days.any():
+    if time.day is not None or not days.any():
         return local_ns, ""
+    columns = time.column_by_part
+    date = time.date or ", ".join(columns[part] for part in _DATE_PARTS if part in columns)
     return local_ns, (
-        f"the date in {time.date!r} stands still while {time.column!r} passes midnight: {np.count_nonzero(days):,}"
+        f"the date in {date!r} stands still while {time.column!r} passes midnight: {np.count_nonzero(days):,}"
         " rows are of the next day"
     )
 
@@ -288,7 +318,7 @@ def parse_times(raw: RawTable, name: str) -> pd.DatetimeIndex:
 def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """The times [ns since 1970], and which are UTC; the others are on their zone's clock."""
     column = raw.columns[time.column]
-    if time.parts:
+    if time.is_of_parts:
         return _times_of_parts(raw, time)
     if time.format == "seconds":
         local_ns = _times_from_counts(raw, column, time)
@@ -310,7 +340,7 @@ def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
         gps_ns = _GPS_EPOCH_NS + week_ns + np.where(valid, micros, 0.0).astype(np.int64) * 1000
         return np.where(valid, gps_ns, _NO_TIME), np.zeros(gps_ns.size, dtype=bool)
     if time.format == TEXT:
-        return _parse_stamp_times(raw, time)
+        return _times_of_stamps(raw, time, stamps_of_rows(raw, time.column, time.date, time.day))
     if time.format == "iso" and time.date is None and time.day is None:
         if isinstance(column.dtype, pd.DatetimeTZDtype):
             return _as_nanoseconds(column if time.zone_in_text == "used" else column.dt.tz_localize(None))
@@ -330,19 +360,75 @@ def _as_nanoseconds(times: pd.Series[Any]) -> tuple[Ints, Bools]:
     return values.astype("datetime64[ns]").view(np.int64), np.full(len(times), is_utc)
 
 
+_DATE_PARTS = ("year", "month", "day_of_year", "day")
+_COARSEST_FIRST = (*_DATE_PARTS, *PART_NS)
+
+
+def _numbers_of_parts(raw: RawTable, time: TimeColumn) -> dict[str, pd.Series[Any]]:
+    """The numbers of the parts of a time, the coarsest first.
+
+    A fraction counts where no finer part stands beside it: that of a day beside an hour is the hour.
+    """
+    columns = time.column_by_part
+    names = [part for part in _COARSEST_FIRST if part in columns]
+    numbers = {part: pd.to_numeric(raw.columns[columns[part]], errors="coerce") for part in names}
+    has_clock = time.column not in columns.values() and time.is_of_parts
+    return {
+        part: values if part == names[-1] and not has_clock else np.floor(values)
+        for part, values in numbers.items()
+    }
+
+
+def _ns_of_parts(numbers: Mapping[str, pd.Series[Any]]) -> Ints:
+    """The sum of parts of a day [ns]; fractions to the microsecond, as those of days and hours are good to."""
+    total: Any = 0
+    for part, values in numbers.items():
+        if part in PART_NS:
+            whole = np.floor(values.to_numpy(dtype=float))
+            fraction = np.rint((values.to_numpy(dtype=float) - whole) * (PART_NS[part] / 1000.0)) * 1000.0
+            valid = (whole >= 0.0) & (whole * float(PART_NS[part]) < float(_LAST_NS))
+            ns = np.where(valid, whole, 0.0).astype(np.int64) * PART_NS[part]
+            ns += np.where(valid, fraction, 0.0).astype(np.int64)
+            total = np.where(valid & (np.asarray(total) != _NO_TIME), total + ns, _NO_TIME)
+    return np.asarray(total, dtype=np.int64)
+
+
 def _times_of_parts(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
-    """Times by the columns of their parts, seconds to the microsecond; years of two digits are of this century."""
-    year, month, day, *clock = (pd.to_numeric(raw.columns[name], errors="coerce") for name in time.parts)
-    days = pd.to_datetime(
-        {"year": year.where(year >= 100, year + 2000), "month": month, "day": day}, errors="coerce"
-    )
-    if not clock:
-        return _as_nanoseconds(
-            days + pd.to_timedelta(clock_times_as_text(raw.columns[time.column]), errors="coerce")
-        )
-    hour, minute, second = clock
-    micros = ((hour * 3600 + minute * 60 + second) * 1e6).round()
-    return _as_nanoseconds(days + pd.to_timedelta(micros, unit="us"))
+    """Times by the columns of their parts; parts of a day alone are UTC since 1970."""
+    numbers = _numbers_of_parts(raw, time)
+    if time.date is not None:
+        days_ns, _ = _times_of_stamps(raw, time, stamps_of_rows(raw, None, time.date))
+    elif numbers.keys() & {*_DATE_PARTS}:
+        days_ns = _days_of_parts(numbers, time.year)
+    else:
+        days_ns = np.full(len(raw.columns), pd.Timestamp(time.day or 0).as_unit("ns").value)
+    if time.column in time.column_by_part.values():
+        clock_ns = _ns_of_parts(numbers)
+    else:
+        text = clock_times_as_text(raw.columns[time.column])
+        clock_ns, _ = _as_nanoseconds(pd.Timestamp(0) + pd.to_timedelta(text, errors="coerce"))
+    has_time = (days_ns != _NO_TIME) & (clock_ns != _NO_TIME)
+    is_utc = time.date is None and time.day is None and not numbers.keys() & {*_DATE_PARTS}
+    return np.where(has_time, days_ns + clock_ns, _NO_TIME), np.full(has_time.size, is_utc)
+
+
+def _days_of_parts(numbers: Mapping[str, pd.Series[Any]], stated_year: int | None) -> Ints:
+    """The days of rows [ns since 1970], with the fraction of a day or a year where that is the finest part.
+
+    Years of two digits are of this century. The first of January is day 1 of the year.
+    """
+    rows = next(iter(numbers.values())).index
+    year = numbers.get("year", pd.Series(float(stated_year or 1970), rows))
+    year = year.where(year >= 100, year + 2000)
+    day = numbers.get("day_of_year", numbers.get("day", pd.Series(1.0, rows)))
+    first = pd.DataFrame({"year": np.floor(year), "month": numbers.get("month", 1), "day": 1}, index=rows)
+    if "day_of_year" not in numbers:
+        first["day"], day = np.floor(day), 1.0 + day % 1.0
+    start = pd.to_datetime(first, errors="coerce")
+    length = 365.0 + start.dt.is_leap_year
+    beyond_d = (day - 1.0).where((day >= 1.0) & (day < length + 1.0)) + (year % 1.0) * length
+    days_ns, _ = _as_nanoseconds(start + pd.to_timedelta((beyond_d * 86_400e6).round(), unit="us"))
+    return days_ns
 
 
 def _parse_iso_times(text: pd.Series[Any], use_zones: bool) -> tuple[Ints, Bools]:
@@ -356,9 +442,8 @@ def _parse_iso_times(text: pd.Series[Any], use_zones: bool) -> tuple[Ints, Bools
     return np.where(is_utc, utc_ns, local_ns), is_utc
 
 
-def _parse_stamp_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
-    """Times by :func:`~seatrial.acquisition.core.times.find_stamp`; :class:`InputError` for ambiguous dates."""
-    stamps = stamps_of_rows(raw, time.column, time.date, time.day)
+def _times_of_stamps(raw: RawTable, time: TimeColumn, stamps: Sequence[times.Stamp | None]) -> tuple[Ints, Bools]:
+    """Times by the stamps of the rows; :class:`InputError` for ambiguous dates."""
     present = [stamp for stamp in stamps if stamp is not None]
     order = time.order
     if order is None:
@@ -508,6 +593,8 @@ def _storable_times(time_ns: Ints, time: TimeColumn) -> tuple[Ints, list[str]]:
     ]
 
 
+_SERIAL_DATES = 25_569, 73_050  # Excel's days of 1970 to 2099
+_YEAR_DAYS = 1_970_001, 2_099_366
 _TOO_LARGE = 1e15  # beyond the digits of a date, and those that a float holds exactly
 MIDNIGHT = re.compile(r"[T ]00:00(:00(\.0+)?)?$")
 _NAME_CLOCK = re.compile(r"(\d\d)[-_.:h](\d\d)[-_.:m](\d\d)(?=\D*$)")
@@ -521,11 +608,13 @@ def distinct_dates(stamps: Sequence[times.Stamp]) -> list[times.Stamp]:
 
 
 def stamps_of_rows(
-    raw: RawTable, column: str, date: str | None = None, day: str | None = None
+    raw: RawTable, column: str | None, date: str | None = None, day: str | None = None
 ) -> list[times.Stamp | None]:
-    """The date and time of each row, by the columns, or the ``day`` and the time of day."""
-    cells = raw.columns[column]
-    if day is not None:
+    """The date and time of each row, by the columns, or the ``day`` and the time of day; without these midnight."""
+    cells = raw.columns[column or date]
+    if column is None:
+        text = dates_with_separators(cells) + " 00:00:00"
+    elif day is not None:
         text = f"{day} " + clock_times_as_text(cells)
     elif date is not None:
         text = dates_with_separators(raw.columns[date]) + " " + clock_times_as_text(cells)
@@ -548,15 +637,26 @@ def stamp_of_cell(text: str) -> times.Stamp | None:
 
 
 def dates_with_separators(column: pd.Series[Any]) -> pd.Series[Any]:
-    """Dates as text; numbers, which lost their leading zeros, as the parts of six or eight digits."""
+    """Dates as text; numbers, which lost their leading zeros, as the parts of six or eight digits, as the year and
+    its day in seven, or as the serial days of a spreadsheet where five are no date.
+    """
     if not pd.api.types.is_numeric_dtype(column.dtype):
         return filled_cells_as_text(column).str.replace(MIDNIGHT, "", regex=True)
+    if column.between(*_SERIAL_DATES).all() and not _are_valid_dates(column):
+        return (pd.Timestamp(SERIAL_DAYS["excel"][0]) + pd.to_timedelta(column, unit="D")).dt.strftime("%Y-%m-%d")
+    if column.between(*_YEAR_DAYS).all() and (column % 1000).between(1, 366).all():
+        return zero_padded(column, 7).str.replace(r"^(\d{4})(\d{3})$", r"\1-\2", regex=True)
     if column.max() < _MICRO:
         return zero_padded(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)$", r"\1-\2-\3", regex=True)
     text = zero_padded(column, 8)
     year_first = text.str[:2].isin(["19", "20"]) & (text.str[4:6] <= "12")
     parts = r"^(\d{4})(\d\d)(\d\d)$" if year_first[text.notna()].all() else r"^(\d\d)(\d\d)(\d{4})$"
     return text.str.replace(parts, r"\1-\2-\3", regex=True)
+
+
+def _are_valid_dates(column: pd.Series[Any]) -> bool:
+    """Whether numbers of five digits are days of one digit, months and years."""
+    return bool((column // 100 % 100).between(1, 12).all())
 
 
 def clock_times_as_text(column: pd.Series[Any]) -> pd.Series[Any]:

@@ -13,7 +13,9 @@ import threading
 import time
 import tty
 from contextlib import closing
+from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Literal, get_args
 
 import numpy as np
@@ -31,6 +33,7 @@ from seatrial.acquisition.core.trial import Frame, FrameFlag
 from seatrial.acquisition.logger.pipeline import Recorder
 from seatrial.acquisition.logger.record import record, summary_text
 from seatrial.acquisition.logger.survey import redecode
+from seatrial.acquisition.protocols.nmea0183 import frame_sentence
 from seatrial.acquisition.recording.parts import RecordingParts
 from seatrial.acquisition.recording.reader import Recording, read_recording
 from seatrial.acquisition.sources.lines import LineAssembler, SerialPort
@@ -337,6 +340,80 @@ def capture(*packets: bytes, order: str = "<", is_in_ns: bool = False, link: int
         fraction = 250_000_000 if is_in_ns else 250_000
         log += struct.pack(f"{order}IIII", second, fraction, len(packet), len(packet) + 1) + packet
     return log
+
+
+def captured_ip(protocol: int, payload: bytes, *, version: int, extension: bytes = b"") -> bytes:
+    """A packet of IPv4 or IPv6 on Ethernet, which fills short ones up."""
+    if version == 4:
+        head = struct.pack(">BBHHHBB", 0x45, 0, 20 + len(payload), 7, 0, 64, protocol)
+        ip = b"\x08\0" + head + bytes(2) + b"\x0a\0\0\x08\x0a\0\0\1"
+    else:
+        first, rest = (protocol, b"") if not extension else (extension[0], bytes([protocol]) + extension[1:])
+        head = struct.pack(">IHBB", 6 << 28, len(rest + payload), first, 64)
+        ip = b"\x86\xdd" + head + bytes.fromhex("fd00" + 13 * "00" + "08" + "fd00" + 13 * "00" + "01") + rest
+    return (bytes(12) + ip + payload).ljust(60, b"\0")
+
+
+def captured_segment(sequence: int, payload: bytes, *, version: int = 4, flags: int = 0x10) -> bytes:
+    tcp = struct.pack(">HHIIBBHHH", 10110, 50_000, sequence % 2**32, 0, 5 << 4, flags, 9999, 0, 0)
+    return captured_ip(6, tcp + payload, version=version)
+
+
+@pytest.mark.parametrize("extension", [b"", bytes([0, 0, 1, 4]) + bytes(4)])
+def test_sentences_in_datagrams_of_ipv6_are_read(extension: bytes, tmp_path: Path) -> None:
+    """Also behind a head for each hop."""
+    udp = struct.pack(">HHHH", 5000, 60001, 8 + len(SENTENCE), 0) + SENTENCE
+    packets = [captured_ip(17, udp, version=6, extension=extension)]
+    frames, source = read(written(tmp_path, capture(*packets)))
+    assert [frame.payload for frame in frames] == [SENTENCE.strip()]
+    assert source.unreadable == 0
+
+
+@pytest.mark.parametrize("version", [4, 6])
+@pytest.mark.parametrize("starts", [True, False])
+@given(data=st.data())
+@settings(max_examples=30, deadline=None)
+def test_sentences_of_a_captured_stream_come_back_in_order_and_once(
+    version: int, starts: bool, data: st.DataObject
+) -> None:
+    """In segments that end anywhere, come twice, and change places; the count of bytes passes 2^32. Beside them a
+    stream of another protocol and acknowledgements."""
+    sentences = [frame_sentence(f"HEHDT,{number}.0,T") for number in range(40)]
+    stream, first = b"".join(sentences), 2**32 - 200
+    cuts = sorted({0, len(stream), *data.draw(st.lists(st.integers(1, len(stream) - 1), max_size=30))})
+    segments = [
+        captured_segment(first + start, stream[start:end], version=version) for start, end in pairwise(cuts)
+    ]
+    places = [number + data.draw(st.integers(0, 3)) for number in range(len(segments))]
+    packets = [segments[number] for number in sorted(range(len(segments)), key=places.__getitem__)]
+    repeated = data.draw(st.lists(st.integers(0, len(packets) - 1), max_size=5))
+    for number in sorted(repeated, reverse=True):
+        packets.insert(number + 1, packets[number])
+    if starts:
+        packets.insert(0, captured_segment(first - 1, b"", version=version, flags=0x12))
+    else:
+        packets.insert(0, segments[0])
+    foreign = struct.pack(">HHIIBBHHH", 80, 50_001, 7, 0, 5 << 4, 0x10, 9, 0, 0) + b"HTTP/1.1 200 OK\r\n\r\n"
+    packets.insert(2, captured_ip(6, foreign, version=version))
+    packets.append(captured_segment(first + len(stream), b"", version=version, flags=0x11))
+    with TemporaryDirectory() as folder:
+        frames, source = read(written(Path(folder), capture(*packets)))
+    assert [frame.payload for frame in frames] == [sentence.strip() for sentence in sentences]
+    assert source.unreadable == 0
+
+
+def test_a_segment_that_was_not_captured_costs_the_sentences_in_it(tmp_path: Path) -> None:
+    sentences = [frame_sentence(f"HEHDT,{number}.0,T") for number in range(50)]
+    stream = b"".join(sentences)
+    packets = [captured_segment(at, stream[at : at + 50]) for at in range(0, len(stream), 50) if at != 200]
+    frames, _ = read(written(tmp_path, capture(*packets)))
+    lost = [
+        sentence.strip() for number, sentence in enumerate(sentences)
+        if sum(map(len, sentences[:number])) < 250 and sum(map(len, sentences[: number + 1])) > 200
+    ]  # fmt: skip
+    expected = [sentence.strip() for sentence in sentences if sentence.strip() not in lost]
+    whole = [frame.payload for frame in frames if frame.payload in {sentence.strip() for sentence in sentences}]
+    assert whole == expected
 
 
 @pytest.mark.parametrize("link", [1, 113, 101])

@@ -14,7 +14,7 @@ import pytest
 from scipy.io import savemat
 
 from seatrial.acquisition.core.errors import ConfigurationError, InputError
-from seatrial.acquisition.core.quantities import Floats
+from seatrial.acquisition.core.quantities import Floats, unit_scale
 from seatrial.acquisition.core.ship import angle_difference, is_circular
 from seatrial.acquisition.tables.column_names import match_quantities, split_header
 from seatrial.acquisition.tables.evidence import Question
@@ -1038,3 +1038,25 @@ def test_a_current_is_declared_and_an_electric_one_is_not(tmp_path: Path) -> Non
     assert found["current_speed_mps"].mean() == pytest.approx(0.514444, abs=1e-5)
     assert found["current_direction_deg"].mean() == 45.0
     assert not {name for name in found if "motor" in name}
+
+
+@pytest.mark.parametrize(
+    ("header", "speed_mps"),
+    [
+        ("SOG [m/min]", 1 / 60), ("STW (m min-1)", 1 / 60), ("SOG in km/min", 1000 / 60),
+        ("Log speed [ft/min]", 0.3048 / 60), ("SOG [km h-1]", 1 / 3.6), ("STW [nm/hr]", 1852 / 3600),
+        ("Speed [cm s-1]", 0.01), ("SOG [0.1 kn]", 185.2 / 3600),
+        ("SOG x10 [kn]", 185.2 / 3600), ("SOG (kn*10)", 185.2 / 3600), ("STW [1/100 kn]", 18.52 / 3600),
+        ("STW [10^-2 m/s]", 0.01),
+    ],
+)  # fmt: skip
+def test_a_rate_and_a_fixed_point_unit_are_read_by_their_parts(header: str, speed_mps: float) -> None:
+    head = split_header(header)
+    assert match_quantities(head.name)[0].quantity.unit == "m/s"
+    assert unit_scale("m/s", head.units[0]) == pytest.approx(speed_mps)
+
+
+@pytest.mark.parametrize("header", ["STW [cables/min]", "SOG [furlongs/h]", "SOG [M/h]"])
+def test_a_unit_that_is_not_known_is_not_read_in_part(header: str) -> None:
+    """Not as the minutes or hours behind its slash; an M is a mile at sea, and a metre elsewhere."""
+    assert split_header(header).units == ()

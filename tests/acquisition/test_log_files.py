@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 import time
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 
@@ -236,6 +237,29 @@ def test_a_log_without_dates_goes_by_the_times_of_day_of_positions(kind: str, tm
     assert any("times of day but no date" in text for _, text in recording.events)
     assert np.diff(recording.series["heading_deg"].measured_ns).tolist() == [SECOND // 2] * 239
     assert recording.series["heading_deg"].measured_ns[120] % (86_400 * SECOND) == 0
+
+
+@pytest.mark.parametrize("two", [False, True])
+def test_a_receiver_that_alternates_its_talker_keeps_every_fix_and_two_receivers_do_not_mix(
+    two: bool, tmp_path: Path
+) -> None:
+    """Of a log without times, which both talkers state; a second receiver states the same seconds."""
+    lines = []
+    for number in range(100):
+        clock, talkers = f"12{number // 60:02d}{number % 60:02d}.00", ("GP", "GN")
+        for talker in talkers if two else [talkers[number % 2]]:
+            place = f"6326.{4000 + number + (talker == 'GN' and two) * 100:04d},N,01024.0,E"
+            lines += map(frame_sentence, [
+                f"{talker}RMC,{clock},A,{place},10.0,45.0,170526,,,A",
+                f"{talker}GGA,{clock},{place},1,10,0.9,5.0,M,40.0,M,,", f"{talker}VTG,45.0,T,,M,10.0,N,18.5,K,A",
+            ])  # fmt: skip
+    (tmp_path / "bridge.log").write_bytes(b"".join(lines))
+    config = config_of(tmp_path, TAGGED)
+    sources = (replace(config.sources[0], channels=("north_m", "east_m")),)
+    (path,), _ = record(replace(config, sources=sources), tmp_path / "out")
+    north = read_recording(path).series["north_m"]
+    assert len({*(north.measured_ns // SECOND).tolist()}) >= 99
+    assert np.abs(np.diff(north.value)).max() < 10.0
 
 
 @pytest.mark.parametrize("last", [True, False])

@@ -165,6 +165,37 @@ def test_a_receiver_that_changes_its_talker_goes_on_without_a_gap_and_without_a_
             assert selector.select_and_report_handover(said) == (True, None), (told, second)
 
 
+@pytest.mark.parametrize("talkers", ["GP GN", "GN GP", "GN GL GA", "GP GN GN BD"])
+@pytest.mark.parametrize("stamped", [True, False])
+def test_a_receiver_that_changes_its_talker_from_the_first_fix_on_keeps_its_fixes(
+    talkers: str, stamped: bool
+) -> None:
+    """All but those before a talker comes again, by which the time between two fixes is known."""
+    names = talkers.split()
+    selector = Selector((line("gps", ("north_m",)),))
+    said = [
+        fixed(f"gps/{names[second % len(names)]}:GGA derived", second, second if stamped else None)
+        for second in range(60)
+    ]
+    results = [selector.select_and_report_handover(each) for each in said]
+    assert set(results[len(names) :]) == {(True, None)}
+
+
+@pytest.mark.parametrize("first_late", [0.0, 0.3, 0.6])
+@pytest.mark.parametrize("stamped", [True, False])
+def test_two_receivers_heard_from_within_a_burst_do_not_mix(first_late: float, stamped: bool) -> None:
+    """Whichever is heard first, and whatever their outputs are apart."""
+    selector = Selector((line("gps", ("north_m",)),))
+    said = [
+        fixed(f"gps/{talker}:GGA derived", second + late, second if stamped else None)
+        for second in range(30)
+        for talker, late in (("GP", 0.0), ("GN", first_late or 0.05))
+    ][1 if first_late else 0 :]
+    sources = [each.source for each in said if selector.select_and_report_handover(each)[0]]
+    assert len(set(sources[2:])) == 1
+    assert len(sources) >= 28
+
+
 def test_two_receivers_on_a_line_that_tell_their_fixes_side_by_side_do_not_mix() -> None:
     selector = Selector((line("gps", ("north_m",)),))
     said = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import socket
 import threading
 import time
@@ -14,12 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 from rich.console import Console
 
 from seatrial.acquisition.config.sources import TopicValue
-from seatrial.acquisition.config.trial_file import TrialConfig, parse_config
+from seatrial.acquisition.config.trial_file import InfluxSink, TrialConfig, parse_config
 from seatrial.acquisition.core.errors import ConfigurationError
 from seatrial.acquisition.core.trial import Sample
 from seatrial.acquisition.logger import pipeline
@@ -209,6 +212,40 @@ def test_values_arrive_at_a_broker_under_a_topic_each(broker: Broker, form: str)
     ]
     assert {reading.unit for reading in readings} == {"" if form == "json" else "m/s"}
     assert (state.sent, state.dropped, texts) == (50, 0, [])
+
+
+def _head_of_line(line: str) -> list[str]:
+    """Measurement, tag's key and tag's value, up to the first blank, as InfluxDB's parser finds them.
+
+    To it a comma, an equals sign or a blank is part of a name if the one letter before is a backslash, also where
+    that has been doubled (``scanTagsValue`` in its ``models/points.go``).
+    """
+    head = re.split(r"(?<!\\) ", line)[0]
+    return [re.sub(r"\\([,= ])", r"\1", part) for part in re.split(r"(?<!\\)[,=]", head)]
+
+
+@given(st.text(min_size=1, max_size=30))
+@example("C:\\logs\\")
+@example("a\\, b=\\")
+def test_a_name_is_one_tag_whatever_is_in_it(name: str) -> None:
+    section = configured('type = "influx"\nurl = "http://127.0.0.1:1/"\nbucket = "b"\n').sinks[0]
+    assert isinstance(section, InfluxSink)
+    line = at_work.InfluxLines(section, name).line(samples(1)[0]).decode()
+    assert line.count("\n") == 1
+    plain = "".join("_" if letter == "\\" or not letter.isprintable() else letter for letter in name)
+    assert _head_of_line(line) == ["seatrial", "trial", plain]
+
+
+def test_a_measurement_that_would_be_a_comment_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="measurement"):
+        configured('type = "influx"\nurl = "http://127.0.0.1:1/"\nbucket = "b"\nmeasurement = "#1"\n')
+
+
+def test_a_server_without_tls_is_said_as_such() -> None:
+    """The numbers of OpenSSL's errors are not the system's: it was "Operation not permitted"."""
+    with InfluxServer() as server:
+        config = configured(influx(server).replace("http:", "https:"))
+        assert "no TLS" in check_sinks(config)["out"]
 
 
 def test_a_channel_is_thinned_to_its_rate() -> None:

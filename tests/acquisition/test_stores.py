@@ -221,6 +221,59 @@ def test_the_web_is_read_by_ranges(voyage: Path) -> None:
         server.shutdown()
 
 
+class _UnreliableServer(BaseHTTPRequestHandler):
+    """Answers every other request with ``status``, or each of them where ``always``."""
+
+    content, status, always = b"", 503, False
+    requests = 0
+
+    def do_HEAD(self) -> None:
+        self.do_GET()
+
+    def do_GET(self) -> None:
+        type(self).requests += 1
+        if self.always or self.requests % 2:
+            self.send_response(self.status)
+            self.send_header("Location", self.path)  # of a redirection: to where it was
+            self.send_header("Content-Length", "0")
+            self.end_headers()
+            return
+        self.send_response(206 if self.headers["Range"] else 200)
+        self.send_header("Content-Length", str(len(self.content)))
+        self.end_headers()
+        if self.command == "GET":
+            self.wfile.write(self.content)
+
+    def log_message(self, *_: object) -> None:
+        """Nothing: a test prints no requests."""
+
+
+@pytest.mark.parametrize(
+    ("status", "always", "text"),
+    [
+        (503, False, ""), (500, False, ""), (503, True, "cannot be read: 503"), (404, True, "does not exist"),
+        (403, True, "is refused by its store"), (302, True, "sends from one address to another without end"),
+    ],
+)  # fmt: skip
+def test_a_server_of_the_web_that_fails_is_asked_again_and_is_no_missing_file(
+    status: int, always: bool, text: str, voyage: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A 503 to the question for the file's size said that it does not exist."""
+    monkeypatch.setattr(stores, "_FIRST_PAUSE_S", 0.0)
+    members = {"content": voyage.read_bytes(), "status": status, "always": always}
+    handler = type("Handler", (_UnreliableServer,), members)
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        place = f"http://127.0.0.1:{server.server_port}/voyage.mcap"
+        if text:
+            with pytest.raises(SeatrialError, match=text) as raised:
+                seatrial.read(place)
+            assert str(raised.value).startswith(place)
+        else:
+            assert seatrial.read(place).equals(seatrial.read(voyage))
+        server.shutdown()
+
+
 def test_local_recordings_do_not_import_the_libraries_of_stores(short: Path) -> None:
     script = (
         "import sys, json, seatrial as st; st.info(sys.argv[1]); st.read(sys.argv[1]);"

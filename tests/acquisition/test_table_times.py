@@ -121,6 +121,114 @@ def _written_map(folder: Path) -> Path:
     return folder / "map.toml"
 
 
+def _cells(index: pd.DatetimeIndex, form: str) -> list[str]:
+    """Cells of a form: of strftime, or a sum of the parts of a day that is worked out here."""
+    day_s = (index - index.normalize()).total_seconds()
+    days_1970 = index.asi8 / 86_400e9
+    numbers = {
+        "doy": index.day_of_year.to_numpy(), "decimal doy": index.day_of_year + day_s / 86_400.0,
+        "second of day": day_s, "hours": day_s / 3600.0, "ms of day": (day_s * 1000.0).round().astype(int),
+        "decimal day": index.day + day_s / 86_400.0, "ms": index.microsecond // 1000, "days 1970": days_1970,
+        "excel": days_1970 + 25_569.0, "excel day": np.floor(days_1970).astype(int) + 25_569,
+        "datenum": days_1970 + 719_529.0, "excel 1904": days_1970 + 24_107.0, "unix": index.asi8 // 10**9,
+        "nsec": index.asi8 % 10**9, "days 1950": days_1970 + 7305.0, "hours 2026": (days_1970 - 20_454.0) * 24.0,
+        "s 2000": days_1970 * 86_400.0 - 946_684_800.0, "ntp": days_1970 * 86_400.0 + 2_208_988_800.0,
+    }  # fmt: skip
+    values = numbers.get(form)
+    if values is None:
+        return list(index.strftime(form))
+    return [f"{value:.10f}" if isinstance(value, float) else str(value) for value in np.asarray(values).tolist()]
+
+
+@pytest.mark.parametrize(
+    "forms",
+    [
+        {"Year": "%Y", "DOY": "doy", "Seconds": "second of day"},
+        {"Year": "%Y", "Julian day": "doy", "Time": "%H:%M:%S.%f"},
+        {"year": "%Y", "yday": "doy", "hour": "%H", "minute": "%M", "second": "%S.%f"},
+        {"Year": "%Y", "DOY": "decimal doy"},
+        {"Date": "%Y%j", "Time": "%H:%M:%S.%f"},
+        {"Date": "%Y-%j", "UTC": "%H:%M:%S.%f"},
+        {"Date": "%Y-%m-%d", "Seconds of day": "second of day"},
+        {"Date": "%d.%m.%Y", "Time [ms]": "ms of day"},
+        {"Date": "%Y-%m-%d", "Hour": "%H", "Minute": "%M", "Second": "%S.%f"},
+        {"Date": "excel day", "Time": "%H:%M:%S.%f"},
+        {"Date": "%Y-%m-%d", "Time": "%H:%M:%S", "ms": "ms"},
+        {"DateTime": "%d.%m.%Y %H:%M:%S", "Milliseconds": "ms"},
+        {"Year": "%Y", "Month": "%m", "Day": "%d", "Hour": "hours"},
+        {"Year": "%Y", "Month": "%m", "Day": "decimal day"},
+        {"YYYY": "%Y", "MM": "%m", "DD": "%d", "hh": "%H", "mm": "%M", "ss": "%S.%f"},
+        {"UTC": "%H%M%S.%f", "Date yymmdd": "%y%m%d"},
+        {"Date (ddmmyy)": "%d%m%y", "Time (hhmmss)": "%H%M%S.%f"},
+        {"secs": "unix", "nsecs": "nsec"},
+        {"Unix time": "unix", "ms": "ms"},
+        {"Unix time": "unix", "ns": "nsec"},
+        {"NTP time": "ntp"},
+        {"days since 1970-01-01": "days 1970"},
+        {"Time (d)": "days 1970"},
+        {"Time [days since 1950-01-01]": "days 1950"},
+        {"hours since 2026-01-01 00:00:00": "hours 2026"},
+        {"time_seconds_since_2000-01-01": "s 2000"},
+        {"Excel serial": "excel"},
+        {"datenum": "datenum"},
+        {"Excel date 1904": "excel 1904"},
+    ],
+    ids=lambda forms: ", ".join(forms),
+)  # fmt: skip
+def test_times_in_parts_and_counts_come_back(tmp_path: Path, forms: dict[str, str]) -> None:
+    """Over the end of a day in a leap year; to the rounding of what is written."""
+    expected = instants(300, dt.datetime(2024, 5, 12, 23, 58, 10, 250_000, dt.UTC))
+    columns = {name: _cells(expected, form) for name, form in forms.items()}
+    rows = [";".join([*cells, "100.0"]) for cells in zip(*columns.values(), strict=True)]
+    (tmp_path / "t.csv").write_text("\n".join([";".join([*columns, "heading"]), *rows]) + "\n")
+    _, found = read(tmp_path / "t.csv")
+    assert np.abs(found.asi8 - expected.asi8).max() < 100_000
+    import_table(tmp_path / "t.csv", tmp_path / "t.mcap", _written_map(tmp_path), allow_missing=True)
+
+
+def test_the_day_of_a_year_without_the_year_is_asked(tmp_path: Path) -> None:
+    path = table(tmp_path / "t.csv", [f"{137.5 + row / 86_400:.9f}" for row in range(30)], "DOY")
+    assert [question.key for question in propose_column_map(read_raw_table(path)).unanswered] == ["year"]
+    _, found = read(path, year="2024")
+    assert found[0] == pd.Timestamp("2024-05-16T12:00:00Z")
+
+
+@pytest.mark.parametrize(
+    ("answer", "hour"), [({"time_unit": "s"}, 12), ({"time_unit": "hhmmss"}, 4)], ids=["seconds", "hhmmss"]
+)
+def test_digits_that_may_be_seconds_since_midnight_are_asked(
+    answer: dict[str, str], hour: int, tmp_path: Path
+) -> None:
+    """43200 is noon or 04:32:00; 43260 in a later row is no time of day in digits."""
+    day = ["2026-05-17"] * 30
+    path = table(tmp_path / "t.csv", [str(43_200 + row) for row in range(30)], date=day)
+    assert [question.key for question in propose_column_map(read_raw_table(path)).unanswered] == ["time_unit"]
+    assert read(path, **answer)[1][0].hour == hour
+    path = table(tmp_path / "u.csv", [str(43_250 + row) for row in range(30)], date=day)
+    assert read(path)[1][0] == pd.Timestamp("2026-05-17T12:00:50Z")
+
+
+def test_a_count_beside_a_date_is_said_to_be_since_midnight(tmp_path: Path) -> None:
+    """It may be one since the log began, of which the answer is the first row's time."""
+    path = table(tmp_path / "t.csv", [str(row) for row in range(30)], "Time [s]", date=["2026-05-17"] * 30)
+    proposal, found = read(path)
+    assert found[0] == pd.Timestamp("2026-05-17T00:00:00Z")
+    assert any("since midnight" in warning and "start=" in warning for warning in proposal.warnings)
+    _, found = read(path, start="2026-05-17T12:00:00Z")
+    assert found[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+    assert np.diff(found.asi8).tolist() == [10**9] * 29
+
+
+def test_seconds_of_the_size_of_serial_days_are_not_taken_for_days(tmp_path: Path) -> None:
+    """Noon in seconds since midnight is a day of 2018 in Excel; at 100 Hz the steps decide nothing."""
+    cells = [f"{43_200.0 + row / 100:.2f}" for row in range(60)]
+    _, found = read(table(tmp_path / "t.csv", cells, "time [s]"))
+    assert (found[-1] - found[0]).total_seconds() == 0.59
+    assert [
+        question.key for question in propose_column_map(read_raw_table(table(tmp_path / "u.csv", cells))).unanswered
+    ] == ["time_unit"]
+
+
 @pytest.mark.parametrize(("month", "number"), [("mai", 5), ("août", 8), ("Dez", 12), ("Okt.", 10), ("mrt", 3)])
 def test_months_by_their_names_in_other_languages(tmp_path: Path, month: str, number: int) -> None:
     cells = [f"17 {month} 2026 12:00:{second:02d}" for second in range(20)]
