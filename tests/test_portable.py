@@ -23,6 +23,7 @@ def portable(name, globals=None, *rest, **options):
     return original(name, globals, *rest, **options)
 
 builtins.__import__ = portable
+os.supports_dir_fd.clear()  # before shutil asks
 for module, names in ((os, ("O_CLOEXEC", "O_NONBLOCK", "O_NOFOLLOW", "O_DIRECTORY", "pread", "pwrite", "nice")),
                       (signal, ("SIGHUP",))):
     for name in names:

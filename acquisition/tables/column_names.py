@@ -230,6 +230,7 @@ _SPELLINGS_BY_UNIT: dict[str, str] = {
     " sm/h nmi/h nm/h",
     "km/h": "km/h kmh kph km/t kmt km/hr",
     "cm/s": "cm/s",
+    "dm/s": "dm/s",
     "mm/s": "mm/s",
     "mph": "mph mi/h mile/h miles/h",
     "ft/s": "ft/s fps ft/sec feet/s",

@@ -13,6 +13,7 @@ import struct
 import tempfile
 import zipfile
 from collections.abc import Callable
+from contextlib import closing
 from decimal import Decimal
 from functools import partial
 from pathlib import Path
@@ -1733,7 +1734,7 @@ def test_field_is_known_by_unit_and_topic_where_its_name_is_short(name: str, tmp
     }  # fmt: skip
     topic, channel, size = UNUSUAL_NAMES[name]
     fields = {key: entry for key, entry in BESIDE.items() if entry[1] != channel} | {name: (topic, channel, size)}
-    with sqlite3.connect(tmp_path / "log.sqlite") as store:
+    with closing(sqlite3.connect(tmp_path / "log.sqlite")) as store:
         for of in {entry[0] for entry in fields.values()}:
             table = {
                 key: size * values[of_channel] for key, (place, of_channel, size) in fields.items() if place == of

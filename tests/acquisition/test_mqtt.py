@@ -429,9 +429,6 @@ def test_what_came_just_before_the_connection_was_lost_is_kept(
     (config,) = configured(tmp_path, section(port=broker.port)).sources
     source = make_source(config)
     source.open()
-    with publisher(broker.port) as publish:
-        for number in range(5):
-            publish("ship/mru/Heading", f"{number}")
     came: list[Frame] = []
     taken, pumped = lines.receive_one_message, iter(range(4))
 
@@ -441,8 +438,11 @@ def test_what_came_just_before_the_connection_was_lost_is_kept(
         taken(section, client, 30.0)
 
     monkeypatch.setattr(lines, "receive_one_message", pump)
-    while len(came) < 4:
-        came += source.read(0.1) or []
+    with publisher(broker.port) as publish:  # amqtt loses what is under way when a publisher leaves
+        for number in range(5):
+            publish("ship/mru/Heading", f"{number}")
+        while len(came) < 4:
+            came += source.read(0.1) or []
     with pytest.raises(SourceError, match="is lost"):
         source.read(0.1)
     assert [each.payload[-1:] for each in came] == [b"0", b"1", b"2", b"3"]
@@ -526,11 +526,16 @@ def test_a_log_is_the_recording_that_would_have_been_made(tmp_path: Path) -> Non
     assert health.sources["line"].frames == 701  # the shore was not asked for
 
 
+def write_other_table(path: Path) -> None:
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE other (a)")
+
+
 @pytest.mark.parametrize(
     ("write", "wrong"),
     [
         (lambda path: path.write_text("time,heading_deg\n0,1\n"), "it is not an SQLite database"),
-        (lambda path: sqlite3.connect(path).execute("CREATE TABLE other (a)").connection.commit(), "no such table"),
+        (write_other_table, "no such table"),
         (lambda path: path.write_bytes(b"SQLite format 3\0" + bytes(4000)), "log.db cannot be opened"),
         (lambda path: None, "No such file"),
     ],

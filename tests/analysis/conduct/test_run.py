@@ -422,7 +422,8 @@ def test_lost_speed_ends_no_stop_and_a_pull_out_goes_by_the_heading() -> None:
 
 
 def test_restart_in_the_middle_of_a_run_changes_no_call() -> None:
-    assert zigzag_to_port(ready(), restarts=True) == zigzag_to_port(ready())
+    restarted, straight = (zigzag_to_port(ready(), restarts=restarts) for restarts in (True, False))
+    assert repr(restarted) == repr(straight)  # with speeds that are not known
 
 
 def test_state_file_of_another_programme_is_refused(tmp_path: Path) -> None:
