@@ -318,18 +318,14 @@ def _attempt(action: Callable[[], Result], url: str, kind: type[errors.SeatrialE
         except errors.SeatrialError:
             raise
         except Exception as answer:  # the libraries of the stores have no base of their own
-            error = _underlying_error(answer)
+            error, cause = answer, answer.__cause__
+            is_of_web = type(cause).__module__.partition(".")[0] in ("aiohttp", "asyncio")
+            if is_of_web and isinstance(answer, FileNotFoundError) and isinstance(cause, Exception):
+                error = cause  # any failure to ask the web for a file is raised as that it does not exist
             if number == ATTEMPTS or _is_final(error):
                 raise _store_error(error, url, kind) from error
             time.sleep(_FIRST_PAUSE_S * 2 ** (number - 1))
     raise AssertionError
-
-
-def _underlying_error(error: Exception) -> Exception:
-    """What failed: of the web any failure to ask for a file is raised as that it does not exist."""
-    cause = error.__cause__
-    is_of_web = isinstance(cause, Exception) and type(cause).__module__.partition(".")[0] in ("aiohttp", "asyncio")
-    return cause if is_of_web and isinstance(error, FileNotFoundError) else error  # type: ignore[return-value]
 
 
 def _is_final(error: Exception) -> bool:

@@ -655,9 +655,8 @@ _TimeSources = frozenset[tuple[int, bytes]]
 
 def _time_source_of_entry(entry: LogEntry) -> tuple[int, bytes]:
     """What an entry comes from: the identifier of a frame, the beginning of a sentence."""
-    return entry.identifier, b"" if entry.protocol == "can" else nmea0183.split_tag_block(entry.payload).sentence[
-        :6
-    ]
+    is_frame = entry.protocol == "can"
+    return entry.identifier, b"" if is_frame else nmea0183.split_tag_block(entry.payload).sentence[:6]
 
 
 def _usual_time_sources(head: Sequence[LogEntry], stated_ns: Callable[[LogEntry], int | None]) -> _TimeSources:
@@ -671,15 +670,15 @@ def _usual_time_sources(head: Sequence[LogEntry], stated_ns: Callable[[LogEntry]
     if not stated:
         return frozenset()
     usual = Counter(source for source, _ in stated).most_common(1)[0][0]
-    receiver = frozenset(source for source, _ in stated if source == usual or _share_talkers(source[1], usual[1]))
+    identifier, (talker, kind) = usual[0], (usual[1][1:3].decode("latin-1"), usual[1][3:])
+    talkers = trial.SATELLITE_TALKERS if talker in trial.SATELLITE_TALKERS else {talker}
+    receiver = frozenset(
+        source
+        for source, _ in stated
+        if source[0] == identifier and source[1][3:] == kind and source[1][1:3].decode("latin-1") in talkers
+    )
     times_ns = [time_ns for source, time_ns in stated if source in receiver]
     return receiver if all(earlier < later for earlier, later in pairwise(times_ns)) else frozenset({usual})
-
-
-def _share_talkers(sentence_a: bytes, sentence_b: bytes) -> bool:
-    """Whether the beginnings of two sentences are of one kind, by satellite talkers."""
-    talkers = {sentence[1:3].decode("latin-1") for sentence in (sentence_a, sentence_b)}
-    return sentence_a[3:] == sentence_b[3:] != b"" and talkers <= trial.SATELLITE_TALKERS
 
 
 def _round_to_midnight_ns(time_ns: int) -> int:

@@ -28,7 +28,7 @@ from typing import BinaryIO, NamedTuple
 from seatrial.acquisition.core.times import DAY_NS, Stamp, time_of_day_ns
 from seatrial.acquisition.core.trial import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
 from seatrial.acquisition.protocols import clock, nmea0183, nmea2000
-from seatrial.acquisition.sources.network_packets import Packet, StreamOrder, parse_packet
+from seatrial.acquisition.sources.network_packets import IpPacket, StreamOrder, parse_packet
 
 MILLI_NS = 1_000_000
 _MOST_BYTES = 64  # of a frame of CAN FD
@@ -1048,7 +1048,7 @@ class CapturedNetwork:
         while self._streams:
             yield from self._end_stream(next(iter(self._streams)))
 
-    def _entries_of_datagram(self, packet: Packet, time_ns: int) -> Iterator[LogEntry]:
+    def _entries_of_datagram(self, packet: IpPacket, time_ns: int) -> Iterator[LogEntry]:
         """The lines in a datagram; of one that was cut, or sent in fragments, those that are whole."""
         cutter = StreamCutter()
         pieces = cutter.push(packet.payload)
@@ -1056,7 +1056,7 @@ class CapturedNetwork:
         for entry in self.reader.entries(pieces if packet.is_cut else [*pieces, *cutter.end()]):
             yield entry._replace(time_ns=time_ns, turn_ns=0, bus=packet.sender)
 
-    def _entries_of_stream(self, packet: Packet, time_ns: int) -> Iterator[LogEntry]:
+    def _entries_of_stream(self, packet: IpPacket, time_ns: int) -> Iterator[LogEntry]:
         if packet.is_start:
             yield from self._end_stream(packet.stream)
         stream = self._streams.get(packet.stream)

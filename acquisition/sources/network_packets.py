@@ -16,7 +16,7 @@ _SEQUENCES = 2**32
 _MOST_WAITING_BYTES = 262_144  # beyond a gap: more than what TCP has under way in a ship's network
 
 
-class Packet(NamedTuple):
+class IpPacket(NamedTuple):
     """What a packet of IP carries; ``stream`` is empty for a datagram. ``is_cut`` if its end was not captured.
 
     ``sequence`` counts the bytes of a stream, that of ``payload``'s first; ``is_start`` and ``is_end`` are those of
@@ -33,7 +33,7 @@ class Packet(NamedTuple):
     is_end: bool = False
 
 
-def parse_packet(packet: bytes) -> Packet | None:
+def parse_packet(packet: bytes) -> IpPacket | None:
     """A packet of IPv4 or IPv6 with UDP or TCP; None for others, and for those cut before their payload."""
     version = packet[0] >> 4 if packet else 0
     if version == 4 and len(packet) >= 20:
@@ -50,15 +50,15 @@ def parse_packet(packet: bytes) -> Packet | None:
     head = packet[start : start + (8 if protocol == _UDP else 20)]
     sender = f"{host}:{int.from_bytes(head[:2], 'big')}"
     if protocol == _UDP and is_fragment:
-        return Packet(sender, b"", is_fragment=True)
+        return IpPacket(sender, b"", is_fragment=True)
     if protocol == _UDP and len(head) == 8:
         length = int.from_bytes(head[4:6], "big")
         payload = packet[start + 8 : start + length]
-        return Packet(sender, payload, len(payload) < length - 8)
+        return IpPacket(sender, payload, len(payload) < length - 8)
     if protocol == _TCP and len(head) == 20 and not is_fragment:
         payload = packet[start + 4 * (head[12] >> 4) : end]
         is_start, sequence = bool(head[13] & _SYN), int.from_bytes(head[4:8], "big")
-        return Packet(
+        return IpPacket(
             sender, payload, len(packet) < end, False, ends + head[:4], (sequence + is_start) % _SEQUENCES,
             is_start, bool(head[13] & _ENDS),
         )  # fmt: skip
@@ -83,7 +83,7 @@ class StreamOrder:
         self._next: int | None = None
         self._waiting: dict[int, bytes] = {}
 
-    def push(self, packet: Packet) -> tuple[bytes, bool]:
+    def push(self, packet: IpPacket) -> tuple[bytes, bool]:
         """The bytes that follow upon those before, and whether some before them are missing from the capture.
 
         What came too early waits, up to a limit, for what is missing.

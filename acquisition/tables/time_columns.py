@@ -642,7 +642,8 @@ def dates_with_separators(column: pd.Series[Any]) -> pd.Series[Any]:
     """
     if not pd.api.types.is_numeric_dtype(column.dtype):
         return filled_cells_as_text(column).str.replace(MIDNIGHT, "", regex=True)
-    if column.between(*_SERIAL_DATES).all() and not _are_valid_dates(column):
+    has_months = (column // 100 % 100).between(1, 12).all()  # of numbers of five digits: days of one, months, years
+    if column.between(*_SERIAL_DATES).all() and not has_months:
         return (pd.Timestamp(SERIAL_DAYS["excel"][0]) + pd.to_timedelta(column, unit="D")).dt.strftime("%Y-%m-%d")
     if column.between(*_YEAR_DAYS).all() and (column % 1000).between(1, 366).all():
         return zero_padded(column, 7).str.replace(r"^(\d{4})(\d{3})$", r"\1-\2", regex=True)
@@ -652,11 +653,6 @@ def dates_with_separators(column: pd.Series[Any]) -> pd.Series[Any]:
     year_first = text.str[:2].isin(["19", "20"]) & (text.str[4:6] <= "12")
     parts = r"^(\d{4})(\d\d)(\d\d)$" if year_first[text.notna()].all() else r"^(\d\d)(\d\d)(\d{4})$"
     return text.str.replace(parts, r"\1-\2-\3", regex=True)
-
-
-def _are_valid_dates(column: pd.Series[Any]) -> bool:
-    """Whether numbers of five digits are days of one digit, months and years."""
-    return bool((column // 100 % 100).between(1, 12).all())
 
 
 def clock_times_as_text(column: pd.Series[Any]) -> pd.Series[Any]:

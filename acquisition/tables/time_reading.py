@@ -566,14 +566,6 @@ _ORDER_OF_LETTERS: dict[times.Order, re.Pattern[str]] = {
 }
 
 
-def _order_of_head(head: str, dates: Sequence[times.Stamp]) -> tuple[times.Order, str] | None:
-    """The order of day, month and year that a column's head spells in letters, if all dates have it."""
-    for order, letters in _ORDER_OF_LETTERS.items():
-        if letters.search(head.lower()) and all(order in stamp.orders for stamp in dates):
-            return order, "as its head says"
-    return None
-
-
 def _note_text_time_column(draft: MappingDraft, entry: dict[str, Any], why: str) -> None:
     """Note a time column of text, with the order of its dates and their year: answered, by all dates, or asked."""
     column = entry["column"]
@@ -586,8 +578,10 @@ def _note_text_time_column(draft: MappingDraft, entry: dict[str, Any], why: str)
     if not stamps:
         raise _no_time_error(draft, [column])
     dates = time_columns.distinct_dates(stamps)
-    order, reason = _order_of_head(f"{entry.get('date', column)}", dates) or times.infer_date_order(dates)
     possible = [option for option in times.ORDERS if all(option in stamp.orders for stamp in dates)]
+    head = str(entry.get("date", column)).lower()
+    spelt = [option for option, letters in _ORDER_OF_LETTERS.items() if option in possible and letters.search(head)]
+    order, reason = (spelt[0], "as its head says") if spelt else times.infer_date_order(dates)
     example = next((stamp for stamp in dates if len(stamp.orders) > 1), dates[0])
     days = {option: pd.Timestamp(example.local_ns(option)) for option in possible}
     readings = {option: f"{day.day} {day:%B %Y}" for option, day in days.items()}

@@ -185,7 +185,7 @@ def select_effects(evidence: regression.Evidence, progress: Progress = lambda sh
         return continue_search(Selection((), evidence, fitted_coordinates(evidence, names)), progress)
     densities, places = dict[tuple[str, ...], float](), []
     for start in starts:
-        at, relinearised = _linear_about_itself(evidence, start)
+        at, relinearised = linear_about_itself(evidence, start)
         if relinearised.are_possible(start):
             densities[start] = log_density(relinearised, start)
         places.append((log_density(relinearised, search_effects(relinearised)), at))
@@ -253,7 +253,7 @@ def relinearise_at_fit(
     return linear_about(evidence, fitted_coordinates(evidence, names), number=number)
 
 
-def _linear_about_itself(
+def linear_about_itself(
     evidence: regression.Evidence, names: tuple[str, ...]
 ) -> tuple[Coordinates, regression.Evidence]:
     """A set of effects at the values that explain most, as far as two steps reach, and the evidence about them."""

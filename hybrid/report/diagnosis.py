@@ -318,7 +318,7 @@ def integration_remarks(moves_s: float, turns_s: float) -> list[str]:
     ]
 
 
-def _no_wind(catalogue: Catalogue) -> str:
+def remark_on_calm(catalogue: Catalogue) -> str:
     """The remark on a trial in which the wind is nil: it was not recorded, or a calm was."""
     if environment.STEADY_WIND.name in catalogue:
         return "no wind was recorded: only a steady wind was considered"
@@ -330,7 +330,7 @@ def _remarks(conclusion: verdict.Conclusion, effects: Sequence[result.NamedEffec
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
     remarks = []
     if not log.wind[:, 1].any():
-        remarks.append(_no_wind(equations.model.catalogue))
+        remarks.append(remark_on_calm(equations.model.catalogue))
     if log.input_hold != "line":
         setting = (
             f"thruster settings are taken as held {log.input_hold}: this fits the motion better than interpolation"

@@ -12,8 +12,8 @@ from seatrial.acquisition.core.quantities import Floats
 from seatrial.hybrid.diagnosis.acceptance import (
     FALSE_ALARM,
     Coordinates,
-    _linear_about_itself,
     fitted_coordinates,
+    linear_about_itself,
     log_density,
     rivals_of,
     search_effects,
@@ -208,7 +208,7 @@ def test_nobody_steps_out_of_bounds_to_see_what_is_there(design: Design, monkeyp
         return beyond
 
     monkeypatch.setattr("seatrial.hybrid.diagnosis.acceptance.linear_about", look)
-    at, last = _linear_about_itself(evidence, names)
+    at, last = linear_about_itself(evidence, names)
     assert asked == [at] == [fitted_coordinates(evidence, names)]
     assert last is beyond
 

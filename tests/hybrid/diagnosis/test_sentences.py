@@ -14,7 +14,7 @@ from seatrial.hybrid.diagnosis.linearise import TimeProfile, time_varying
 from seatrial.hybrid.diagnosis.result import EffectDrift, Estimate, NamedEffect, Replication, When
 from seatrial.hybrid.effects import CATALOGUE, catalogue_of_actuators, vessel_plant
 from seatrial.hybrid.effects.environment import STEADY_WIND
-from seatrial.hybrid.report.diagnosis import _no_wind, effects_by_part, sentence
+from seatrial.hybrid.report.diagnosis import effects_by_part, remark_on_calm, sentence
 from seatrial.hybrid.vessel.files import load_vessel
 from tests.hybrid.diagnosis.log_by_hand import a_log
 
@@ -198,8 +198,8 @@ SLOW, FAST = (
 
 
 def test_a_recorded_calm_is_not_a_wind_that_was_not_recorded() -> None:
-    assert "no wind was recorded" in _no_wind({**CATALOGUE, STEADY_WIND.name: STEADY_WIND})
-    assert "nil throughout" in _no_wind(CATALOGUE)
+    assert "no wind was recorded" in remark_on_calm({**CATALOGUE, STEADY_WIND.name: STEADY_WIND})
+    assert "nil throughout" in remark_on_calm(CATALOGUE)
 
 
 def test_what_stops_is_said_with_its_time() -> None:
