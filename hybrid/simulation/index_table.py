@@ -141,10 +141,11 @@ class IndexTable:
         moves = [(row, *row.moved) for row in self.rows if row.moved is not None]
         if not moves:
             return ""
-        before, after = np.sqrt(np.mean([np.square(move[1:]) for move in moves], axis=0))
-        met = f"met within {after:.0%} on average, before within {before:.0%}"
+        before, after = np.median(np.abs([move[1:] for move in moves]), axis=0)  # small ones err by many times
         replayed = ", replayed with the recorded helm," * all(row.is_replayed for row, _, _ in moves)
-        summary = f"{len(moves)} measured indices{replayed} are {met}."
+        subject = f"Half of {len(moves)} measured indices" if len(moves) > 1 else "The measured index"
+        are = "are" if len(moves) > 1 else "is"
+        summary = f"{subject}{replayed} {are} met within {after:.0%}, before within {before:.0%}."
         worse = [
             f"{row.name} of {row.test} {row.side}".strip()
             + f" ({'replayed ' * row.is_replayed}{start:+.0%} before, {end:+.0%} now)"

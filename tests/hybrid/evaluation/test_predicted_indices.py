@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from math import nan
 
 import numpy as np
 import pandas as pd
@@ -90,6 +91,16 @@ def test_the_true_model_has_the_measured_indices_and_a_wrong_one_is_reported_as_
     assert "worse" not in better.headline
     assert worse.headline.startswith("The model is worse:")
     assert all(row.is_worse for row in worse.rows if row.moved is not None)
+
+
+def test_an_index_of_nearly_nothing_does_not_make_the_others_badly_met() -> None:
+    """An overshoot of a hundredth of a degree, of which the model has a degree."""
+    sizes = (0.01, 1.0, 1.1), (10.0, 12.0, 11.0), (50.0, 55.0, 52.0)
+    rows = [
+        PredictedIndex("zigzag 10/10", "port", "overshoot_1_deg", Index(value, nan, nan, "deg"), before, after)
+        for value, before, after in sizes
+    ]
+    assert "Half of 3 measured indices are met within 10%, before within 20%." in IndexTable(tuple(rows)).headline
 
 
 def test_a_current_that_no_circle_shows_is_no_error_of_the_form() -> None:
