@@ -18,10 +18,10 @@ from seatrial.hybrid.simulation.manoeuvres import (
     Leg,
     Manoeuvre,
     pace_of,
-    reciprocal,
     scale_to_ship,
     settle,
     steer,
+    straight_runs_on_four_headings,
     turning_circle,
     zigzag,
 )
@@ -113,7 +113,7 @@ def exercises() -> Manoeuvre:
         for course, rpm, angle in runs
         for leg in (settle(course, rpm), *zigzag(angle, angle, rpm, swings=6), steer(course, 30.0), *stop)
     ]
-    return (*turning_circle(30.0, 160.0, 400.0), *legs, *reciprocal(40.0), *stop)
+    return (*turning_circle(30.0, 160.0, 400.0), *legs, *straight_runs_on_four_headings(40.0), *stop)
 
 
 def trial_of(case: RudderCase, rate_hz: float = 4.0) -> pd.DataFrame:
